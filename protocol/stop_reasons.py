@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hoap3.protocol.config.endpoints import Place
 from hoap3.protocol.messages import Event
 
 _CONSTANTS = Event.schema.constants
@@ -54,4 +55,5 @@ def recovery_words(robot: str, connect: str | None) -> str:
         connect: where it is reached; None for the robot of that name on this machine.
     """
     where = f" --connect {connect}" if connect else ""
+    where += " --secure DIR" if isinstance(connect, Place) else ""
     return f"once it is at rest, `hoap3 recover {robot}{where}` lets it move again"

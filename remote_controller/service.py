@@ -24,6 +24,7 @@ from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.numba_jit import warm_up
 from hoap3.protocol.runtime.realtime import prepare_process
 from hoap3.protocol.runtime.recorder import Recorder
+from hoap3.protocol.secure.credentials import read_credentials
 from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config_exchange import is_config, own_config
@@ -158,6 +159,10 @@ class Service:
         self._clock: Clock = MonotonicClock()
         name = config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
         self._name = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
+        if config.link.secure is not None:
+            self._name = read_credentials(config.link.secure).session_name(
+                f"{name[:12]}-{os.getpid()}"
+            )
         self._names: deque[str] = deque(maxlen=KNOWN_NAMES)  # of our sessions
         self._link: Link | None = None
         self._stopping = threading.Event()

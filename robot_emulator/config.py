@@ -122,6 +122,13 @@ class EmulatorLink(LinkSettings):
         ("tcp/127.0.0.1:7447",), description="endpoints to listen on"
     )
 
+    @property
+    def reachable(self) -> tuple[str, ...]:
+        """Where others reach the robot."""
+        if self.kind == "hoap3_tcp":
+            return (f"tcp/{self.hoap3_tcp.host}:{self.hoap3_tcp.init_port}",)
+        return super().reachable
+
 
 class EmulatorRealtime(RealtimeSettings):
     """The robot comes before its controller."""

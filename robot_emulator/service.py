@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING
 
+from hoap3.protocol.config.endpoints import beyond_this_machine
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.link.base import RemoteRobotLink, RobotLink
@@ -204,6 +205,9 @@ def _open_link(
     blocking: bool = False,
 ) -> RemoteRobotLink:
     """The configured link to controllers; `blocking` for lockstep."""
+    open_to_all = [place for place in config.link.reachable if beyond_this_machine(place)]
+    if open_to_all and config.link.secure is None:
+        report(f"insecure: whoever reaches {', '.join(open_to_all)} can command this robot")
     if config.link.kind == "hoap3_tcp":
         from hoap3.protocol.link.hoap3_tcp.robot_link import Hoap3RobotLink
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import AfterValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
@@ -14,6 +15,28 @@ LARGEST_PORT = 65_535
 _PORT = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^?#]*:([0-9]+)(?:[?#].*)?")
 _ADDRESS = re.compile(r"[\w.\[\]:-]+:[0-9]{1,5}")
 _EXAMPLE = "127.0.0.1:7447"
+_HOST = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?P<host>[^?#]*):[0-9]+(?:[?#].*)?")
+
+
+class Place(str):
+    """An endpoint, and the folder of the certificate with which it is reached.
+
+    Attributes:
+        secure: the folder.
+    """
+
+    secure: str
+
+    def __new__(cls, endpoint: str, secure: str) -> Self:
+        """Of both."""
+        place = super().__new__(cls, endpoint)
+        place.secure = secure
+        return place
+
+
+def over_tls(endpoint: str) -> str:
+    """The same place, reached over TLS."""
+    return f"tls/{endpoint.partition('/')[2]}"
 
 
 def endpoint_fault(text: str) -> tuple[str, str] | None:
@@ -24,6 +47,22 @@ def endpoint_fault(text: str) -> tuple[str, str] | None:
     if port is not None and int(port[1].lstrip("0")[:6] or "0") > LARGEST_PORT:
         return f"has a port above {LARGEST_PORT}", f"Choose one from 1 to {LARGEST_PORT}"
     return None
+
+
+def beyond_this_machine(endpoint: str) -> bool:
+    """Whether other machines may reach who listens at an endpoint."""
+    host = _HOST.fullmatch(endpoint)
+    if host is None:
+        return not endpoint.startswith("unixsock-stream/")
+    return not is_loopback(host["host"].strip("[]"))
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address is this machine's alone."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _meant(text: str) -> str:

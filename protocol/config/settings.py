@@ -6,6 +6,7 @@ The models that both services share stand here; each service adds its own.
 from __future__ import annotations
 
 import copy
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,9 +21,9 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import core_schema
+from pydantic_core import PydanticCustomError, core_schema
 
-from hoap3.protocol.config.endpoints import Endpoint
+from hoap3.protocol.config.endpoints import Endpoint, beyond_this_machine, over_tls
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
 from hoap3.protocol.config.wrong_settings import config_error, models_below
@@ -118,6 +119,56 @@ class LinkSettings(Settings):
     lease_ms: int = Field(
         1000, strict=True, ge=100, le=60_000, description="silence after which a peer is gone"
     )
+    secure: str | None = Field(
+        None,
+        description="folder of a certificate, as `hoap3 certs issue` makes it: only TLS is spoken, "
+        "and only to those whom the robot lists; null: plain",
+    )
+    insecure: bool = Field(
+        False, strict=True, description="listen beyond this machine without a certificate"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_endpoints_over_tls(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or not isinstance(content.get("secure"), str):
+            return content
+        defaults = {key: cls.model_fields[key].default for key in ("listen", "connect")}
+        content = dict(content)
+        for key, places in defaults.items():
+            if tuple(content.get(key, places)) == places:
+                content[key] = [over_tls(each) for each in places]
+        return content
+
+    @model_validator(mode="after")
+    def _as_safe_as_said(self) -> Self:
+        places = *self.listen, *self.connect
+        plain = [place for place in places if not place.startswith("tls/")]
+        if self.secure is not None and self.kind != "zenoh":
+            raise _unsafe(f"{self.kind} has no certificates", "Leave out link.secure")
+        if self.secure is not None and plain:
+            raise _unsafe(
+                f"with link.secure only TLS is spoken, not {plain[0]}",
+                f"Write {over_tls(plain[0])}",
+            )
+        if self.secure is None and any(re.match(r"tls/[^#]*$", place) for place in places):
+            raise _unsafe(
+                "tls/ needs a certificate",
+                "Give --secure DIR, or set link.secure (docs/security.md)",
+            )
+        open_to_all = [place for place in self.reachable if beyond_this_machine(place)]
+        if open_to_all and self.secure is None and not self.insecure:
+            key = "link.listen" if self.kind == "zenoh" else "link.hoap3_tcp.host"
+            raise _unsafe(
+                f"with this {key} whoever reaches {open_to_all[0]} could command the robot",
+                "Use certificates: --secure DIR (docs/security.md); or allow it: --insecure",
+            )
+        return self
+
+    @property
+    def reachable(self) -> tuple[str, ...]:
+        """Where others reach the service."""
+        return self.listen if self.kind == "zenoh" else ()
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -125,6 +176,10 @@ class LinkSettings(Settings):
         if self.kind == "hoap3_tcp":
             return (f"hoap3_tcp/{self.hoap3_tcp.host}:{self.hoap3_tcp.init_port}",)
         return self.listen or self.connect
+
+
+def _unsafe(problem: str, remedy: str) -> PydanticCustomError:
+    return PydanticCustomError("unsafe", "{problem}", {"problem": problem, "remedy": remedy})
 
 
 CpuNumber = Annotated[int, Field(strict=True, ge=0)]

@@ -26,6 +26,7 @@ from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.link.sampling import Sampling
 from hoap3.protocol.link.zenoh_clients import Clients, Queries, client_of, identity, leaf
+from hoap3.protocol.link.zenoh_guard import Guard
 from hoap3.protocol.link.zenoh_session import (
     QUERY_TIMEOUT_S,
     SPEAKS,
@@ -86,7 +87,8 @@ class ZenohRobotLink:
         self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
         self._sampling = Sampling()
-        self._session = session = open_session(settings)
+        self._session = session = open_session(settings, robot)
+        self._guard = Guard(session, settings.secure, report) if settings.secure else None
         try:
             if is_alive(session, robot):
                 raise NameTakenError(
@@ -114,6 +116,8 @@ class ZenohRobotLink:
         self._query: zenoh.Query | None = None  # taken, and not served yet
         self._asking = key(robot, "ask")
         self._clients.start()
+        if self._guard is not None:
+            self._guard.start()
         self._answers = _Answers()
         self._receiver = threading.Thread(target=self._receive, name="receive", daemon=True)
         self._receiver.start()
@@ -153,6 +157,11 @@ class ZenohRobotLink:
                 return
             query, self._query = self._query, None
             request = self._answers.request(query, self._asking)
+            if self._guard is not None:
+                admitted = self._guard.admitted(request)
+                if admitted is None:
+                    continue
+                request = admitted
             if request.version == OLDEST:
                 self._note_old(request.who)
             if request.verb == "acquire":
@@ -172,13 +181,18 @@ class ZenohRobotLink:
         self._local = local
 
     def counts(self) -> dict[str, int]:
-        """Nothing: what is lost on the way shows in the robot's own counts."""
-        return {}
+        """With certificates, setpoints of others than the holder, and requests without a right.
+
+        What is lost on the way shows in the robot's own counts.
+        """
+        return {} if self._guard is None else self._guard.counts()
 
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
         self._answers.finish()
         self._clients.finish()
+        if self._guard is not None:
+            self._guard.close()
         self._session.close()
         self._answers.join()
         self._clients.join()
@@ -187,9 +201,12 @@ class ZenohRobotLink:
     def _receive(self) -> None:
         receive, arrived, now = self._setpoints.recv, self._arrived.append, time.monotonic_ns
         signal = self.arrival.set if self._blocking else _nothing
+        follows = None if self._guard is None else self._guard.follows
         try:
             while True:
                 sample = receive()
+                if follows is not None and not follows(leaf(sample.key_expr)):
+                    continue
                 arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
                 signal()
         except zenoh.ZError:
@@ -236,7 +253,7 @@ class ZenohControllerLink:
         self._declared: list[Any] = []  # what is for one version of the wire
         self._sampling = Sampling()
         self._give_way = _way_to_sender()
-        self._session = session = open_session(settings)
+        self._session = session = open_session(settings, robot)
         self._answers = _Answers()
         try:
             session.info.declare_link_events_listener(self._link_changed, history=True)

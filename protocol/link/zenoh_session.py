@@ -26,11 +26,15 @@ from hoap3.protocol.errors import LinkError, PortInUseError
 from hoap3.protocol.link.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
 from hoap3.protocol.link.zenoh_sockets import forbid_lingering
 from hoap3.protocol.messages import WIRE_VERSION
+from hoap3.protocol.secure.credentials import read_credentials
+from hoap3.protocol.secure.profile import Profile, profile
+from hoap3.protocol.secure.refusals import listens, why_refused
 from hoap3.protocol.wire_versions import OLDEST
 
 __all__ = [
-    "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_in", "ask_versions", "fast_publisher",
-    "is_alive", "key", "open_session", "sampled_key", "state_key", "zenoh",
+    "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_in", "ask_versions", "certified_peers",
+    "fast_publisher", "is_alive", "key", "open_session", "sampled_key", "session_name", "state_key",
+    "zenoh",
 ]  # fmt: skip
 
 QUERY_TIMEOUT_S = 2.0
@@ -55,17 +59,33 @@ def sampled_key(robot: str, leaf: str) -> str:
     return key(robot, f"sampled/{leaf}")
 
 
-def open_session(settings: LinkSettings, *, stamps: bool = False) -> zenoh.Session:
+def session_name(settings: LinkSettings, rest: str) -> str:
+    """How the keys of a session end: `rest`, with certificates `<name>.<rest>`.
+
+    Raises:
+        ConfigError: the certificate cannot be used.
+    """
+    return read_credentials(settings.secure).session_name(rest) if settings.secure else rest
+
+
+def open_session(settings: LinkSettings, robot: str = "", *, stamps: bool = False) -> zenoh.Session:
     """A session that listens, connects and discovers exactly what the settings say.
 
     Args:
         settings: see above.
+        robot: the robot that it belongs to, or is for; "" for any, of those who ask who is there.
         stamps: whether messages get a time stamp of Zenoh's, as ROS 2 wants them.
 
     Raises:
         PortInUseError: somebody listens on one of the endpoints.
-        LinkError: an endpoint that Zenoh cannot use.
+        LinkError: an endpoint that Zenoh cannot use, or that refuses us.
+        ConfigError: the certificate cannot be used.
     """
+    secure = (
+        profile(settings.secure, robot, settings.listen, settings.connect)
+        if settings.secure
+        else None
+    )
     congestion = {
         "drop": {"wait_before_drop": DROP_US},
         "block": {"wait_before_close": CLOSE_US},
@@ -86,10 +106,12 @@ def open_session(settings: LinkSettings, *, stamps: bool = False) -> zenoh.Sessi
             "link": {
                 "tx": {"lease": settings.lease_ms, "queue": {"congestion_control": congestion}},
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
+                **({} if secure is None else secure.link()),
             },
         },
         "timestamping": {"enabled": stamps},
         "low_pass_filter": [SIZE_FILTER],
+        **({} if secure is None else {"access_control": secure.access_control}),
     }
     try:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
@@ -104,12 +126,27 @@ def open_session(settings: LinkSettings, *, stamps: bool = False) -> zenoh.Sessi
             ) from error
         if settings.mode == "client":
             raise LinkError(
-                f"nobody answers at {endpoints}: is the robot running, and is this its endpoint?"
+                f"nobody answers at {endpoints}: {_why(settings, secure, robot)}"
             ) from error
         reason = text.partition(" at /")[0]  # without the place in Zenoh's source
         raise LinkError(f"{key}: cannot open {endpoints}: {reason}. Correct {key}") from error
     session.info.declare_link_events_listener(_forbid_lingering, history=True)
     return session
+
+
+def _why(settings: LinkSettings, secure: Profile | None, robot: str) -> str:
+    """Why a client cannot connect, as far as it can be known."""
+    place = settings.connect[0]
+    if secure is not None:
+        return why_refused(place, secure.credentials, robot)
+    if listens(place):
+        return "somebody listens there, but not in plain: does it want --secure?"
+    return "is the robot running, and is this its endpoint?"
+
+
+def certified_peers(session: zenoh.Session) -> set[str]:
+    """Names in the certificates of those that a session is connected to."""
+    return {link.auth_identifier for link in session.info.links() if link.auth_identifier}
 
 
 def _forbid_lingering(event: zenoh.LinkEvent) -> None:
@@ -192,7 +229,9 @@ def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:
 def alive_robots(session: zenoh.Session) -> list[str]:
     """Names of the robots that are alive where the session reaches."""
     replies = session.liveliness().get(key("*", "alive"), timeout=QUERY_TIMEOUT_S)
-    return sorted(str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok)
+    names = {str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok}
+    certified = certified_peers(session)
+    return sorted(names & certified if certified else names)
 
 
 def is_alive(session: zenoh.Session, robot: str, leaf: str = "alive") -> bool:

@@ -19,6 +19,7 @@ import typer
 from pages import Block, blocks
 
 from hoap3.tools.cli.app import app, main
+from hoap3.tools.cli.options import with_secure
 from hoap3.tools.compare.candidates import read_candidates
 from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
 
@@ -150,7 +151,9 @@ def check(command: str) -> None:
     if rest in (["--help"], ["--version"]):
         return
     values = parser.make_context(name, rest).params
-    sets = values.get("sets") or []
+    sets = with_secure(
+        values.get("sets") or [], values.get("secure"), insecure=values.get("insecure", False)
+    )
     if name == "run":
         ours, theirs = split_overrides(sets)
         law, _ = controller_config(values["controller"], theirs)

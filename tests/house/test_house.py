@@ -43,7 +43,7 @@ def test_imports_only_go_down():
 
 
 PACKAGES = {
-    "protocol": (("config",), ("runtime",), ("link", "robot")),
+    "protocol": (("config",), ("runtime", "secure"), ("link", "robot")),
     "robot_emulator": (("robots",), ("plants",), ("filters",)),
     "remote_controller": (
         ("model", "references", "scheduling", "solvers"),
@@ -52,7 +52,7 @@ PACKAGES = {
     ),
     "tools": (
         ("machine", "logs", "html"),
-        ("show", "timing", "verify", "picture"),
+        ("show", "timing", "verify", "picture", "certs"),
         ("services", "bench", "environment", "report"),
         (
             "beside",

@@ -19,7 +19,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
 from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
 from hoap3.protocol.wire_versions import OLDEST, upgraded
-from hoap3.tools.services.client import client_settings
+from hoap3.tools.services.client import client_settings, unanswered
 
 PERIOD_S = 0.01  # between two looks
 EVENTS = 256  # that are kept meanwhile
@@ -104,12 +104,15 @@ class _Robot:
         from hoap3.protocol.link import zenoh_session as network
 
         self.name, self._network = name, network
-        who = f"bridge-{os.getpid()}-{secrets.token_hex(3)}"
-        self._session = network.open_session(client_settings(endpoint))
+        settings = client_settings(endpoint)
+        who = network.session_name(settings, f"bridge-{os.getpid()}-{secrets.token_hex(3)}")
+        self._session = network.open_session(settings, name)
         try:
             version, raw = network.ask_versions(self._session, name, "description", who)
             if raw is None:
-                raise LinkError(f"no robot called {name!r} answers at {endpoint}")
+                raise LinkError(
+                    f"no robot called {name!r} answers at {endpoint}{unanswered(settings)}"
+                )
             self.description = parse_description(raw, name)
             ring = network.zenoh.handlers.RingChannel
             if version == OLDEST:  # which sends all to everybody

@@ -151,7 +151,8 @@ def _open(listen: str, router: str | None) -> Any:
                 "rmw_zenohd`), or leave --router out: ROS 2 nodes then connect to the bridge"
             ) from error
     try:
-        return open_session(LinkSettings(listen=(listen,)), stamps=True)
+        # Whoever reaches it reads what it publishes, and can command nothing.
+        return open_session(LinkSettings(listen=(listen,), insecure=True), stamps=True)
     except PortInUseError as error:
         raise PortInUseError(
             f"--listen: {listen} is in use, by another bridge or a ROS 2 router. Stop it, give "

@@ -29,10 +29,19 @@ from hoap3.tools.cli.latency import latency
 from hoap3.tools.cli.limits import limits
 from hoap3.tools.cli.measure import bench_app, doctor
 from hoap3.tools.cli.new import new
-from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
+from hoap3.tools.cli.options import (
+    ENDPOINT,
+    AsJson,
+    Connect,
+    Secure,
+    finite,
+    reached,
+    with_secure,
+)
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
+from hoap3.tools.cli.secure.certs import certs_app
 from hoap3.tools.cli.services.service import service_app
 from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import prove, verify
@@ -49,6 +58,7 @@ config_app = typer.Typer(no_args_is_help=True, help="Look at settings before any
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(bridge_app, name="bridge")
+app.add_typer(certs_app, name="certs")
 app.add_typer(robot_app, name="robot")
 app.add_typer(service_app, name="service")
 app.add_typer(trajectory_app, name="trajectory")
@@ -151,6 +161,11 @@ def emulator(
     no_realtime: NoRealtime = False,
     verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006
+    secure: Secure = None,
+    insecure: Annotated[
+        bool,
+        typer.Option("--insecure", help="Listen beyond this machine without certificates."),
+    ] = False,
     status_fd: StatusFd = None,
     named: Named = None,
 ) -> None:
@@ -159,6 +174,7 @@ def emulator(
     from hoap3.tools.services.services import emulator_config, run_emulator
     from hoap3.tools.show.summary import show_summary
 
+    sets = with_secure(sets, secure, insecure=insecure)
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
     code, summary = run_emulator(
         settings,
@@ -184,6 +200,7 @@ def controller(
     no_realtime: NoRealtime = False,
     verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006
+    secure: Secure = None,
     status_fd: StatusFd = None,
     named: Named = None,
 ) -> None:
@@ -191,6 +208,7 @@ def controller(
     stop = StopFlag()
     from hoap3.tools.services.services import controller_config, run_controller
 
+    sets = with_secure(sets, secure)
     settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
     code = run_controller(
         settings, file, out=out, status_fd=status_fd, should_stop=stop, verbose=verbose
@@ -205,6 +223,7 @@ def list_all(
         str | None,
         typer.Option(help=f"Endpoint to look at with --live, beside this machine; {ENDPOINT}."),
     ] = None,
+    secure: Secure = None,
     as_json: AsJson = False,
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""
@@ -213,7 +232,7 @@ def list_all(
 
     found, silent = named(), ""
     if live:
-        found["alive"], silent = live_robots(connect)
+        found["alive"], silent = live_robots(reached(connect, secure))
     if as_json:
         print_json(found)
     else:
@@ -221,38 +240,60 @@ def list_all(
             print_line(f"{kind}: {', '.join(names) or 'none'}")
     if silent:
         print_note(f"robots of the network are not listed: {silent}")
-    if silent and connect is not None:
+    if silent and (connect is not None or secure is not None):
         raise typer.Exit(1)
 
 
 @app.command()
-def stop(robot: Running = None, connect: Connect = None, as_json: AsJson = False) -> None:
+def stop(
+    robot: Running = None,
+    connect: Connect = None,
+    secure: Secure = None,
+    as_json: AsJson = False,
+) -> None:
     """Bring a running robot to rest; it stays there until `recover`."""
-    _tell(robot, "stop", connect, as_json)
+    _tell(robot, "stop", reached(connect, secure), as_json)
 
 
 @app.command()
-def recover(robot: Running = None, connect: Connect = None, as_json: AsJson = False) -> None:
+def recover(
+    robot: Running = None,
+    connect: Connect = None,
+    secure: Secure = None,
+    as_json: AsJson = False,
+) -> None:
     """Let a stopped robot follow its controller again."""
-    _tell(robot, "recover", connect, as_json)
+    _tell(robot, "recover", reached(connect, secure), as_json)
 
 
 @app.command()
-def status(robot: Running = None, connect: Connect = None, as_json: AsJson = False) -> None:
+def status(
+    robot: Running = None,
+    connect: Connect = None,
+    secure: Secure = None,
+    as_json: AsJson = False,
+) -> None:
     """Say what a running robot does, and whom it follows."""
-    _tell(robot, "status", connect, as_json)
+    _tell(robot, "status", reached(connect, secure), as_json)
 
 
 @app.command()
-def release(robot: Running = None, as_json: AsJson = False) -> None:
-    """Take authority from whoever holds it over a robot on this machine; the robot brakes.
+def release(
+    robot: Running = None,
+    connect: Connect = None,
+    secure: Secure = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take authority from whoever holds it over a robot; the robot brakes.
+
+    On this machine its user may, and elsewhere who has the certificate of an admin.
 
     A controller that still runs asks for authority again at once, and the robot follows it: end the
     controller first, or use `hoap3 stop`, where the robot is to stay at rest.
     """
     from hoap3.tools.cli.find_robot import release_robot
 
-    name, answer = release_robot(robot)
+    name, answer = release_robot(robot, reached(connect, secure))
     if as_json:
         print_json(answer)
     else:
@@ -268,6 +309,7 @@ def record(
     ] = None,
     duration: Duration = None,
     connect: Connect = None,
+    secure: Secure = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -278,7 +320,7 @@ def record(
     if repair is not None:
         _mend(repair, as_json)
         return
-    name, endpoint = reach_robot(robot, connect)
+    name, endpoint = reach_robot(robot, reached(connect, secure))
     outcome = record_robot(name, endpoint, out, duration, to_people)
     if as_json:
         print_json(outcome)

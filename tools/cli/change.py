@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from hoap3.protocol.errors import UsageError
-from hoap3.tools.cli.options import Connect
+from hoap3.tools.cli.options import Connect, Secure, reached
 from hoap3.tools.show.output import print_json
 
 _EXAMPLE = '\'{"order": ["foot", "com", "posture"]}\''
@@ -28,13 +28,14 @@ def change(
         typer.Option("--robot", help="Robot that it controls. Default: the only one that runs."),
     ] = None,
     connect: Connect = None,
+    secure: Secure = None,
 ) -> None:
     """Change something in a controller that runs; its log has it, and a replay repeats it."""
     from hoap3.tools.cli.find_robot import reach_robot
     from hoap3.tools.services.client import change as ask
 
     content = _content(request or [])
-    name, endpoint = reach_robot(robot, connect)
+    name, endpoint = reach_robot(robot, reached(connect, secure))
     print_json(ask(name, content, endpoint))
 
 

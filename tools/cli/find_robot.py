@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from hoap3.protocol.answers import ROBOT_ANSWERS, check_answer
+from hoap3.protocol.config.endpoints import Place
 from hoap3.protocol.errors import LinkError, UsageError
 from hoap3.protocol.link.local_control import LocalRobot, local_robots, others_here
 from hoap3.tools.cli.options import ENDPOINT
@@ -42,16 +43,25 @@ def ask_robot(robot: str | None, verb: str, endpoint: str | None) -> tuple[str, 
         raise LinkError(f"{error}{others and '; '}{others}") from error
 
 
-def release_robot(robot: str | None) -> tuple[str, dict[str, Any]]:
-    """Take authority from whoever holds it over a robot on this machine.
+def release_robot(robot: str | None, endpoint: str | None = None) -> tuple[str, dict[str, Any]]:
+    """Take authority from whoever holds it over a robot.
+
+    Args:
+        robot: its name; None: the only one that runs.
+        endpoint: where it listens, with the certificate of an admin; None: on this machine.
 
     Returns:
         Its name and its answer.
 
     Raises:
-        UsageError: several robots run here, or that cannot be a name.
-        LinkError: none runs here, or it does not answer.
+        UsageError: several robots run, that cannot be a name, or there is no such certificate.
+        LinkError: none runs, or it does not answer.
     """
+    if endpoint is not None:
+        if not isinstance(endpoint, Place):
+            raise UsageError("--connect: over the network `release` is for an admin: give --secure")
+        name = robot or only_alive(endpoint)
+        return name, tell(name, "release", endpoint)
     found = find_local(robot)
     if found is None:
         others = others_here(robot or "")

@@ -17,7 +17,8 @@ def latency(
         Path | None, typer.Option(help="Measure nothing: analyse the log of a run.")
     ] = None,
     link: Annotated[
-        Literal["tcp", "udp", "unixsock", "hoap3_tcp"], typer.Option(help="What to measure.")
+        Literal["tcp", "udp", "unixsock", "tls", "hoap3_tcp"],
+        typer.Option(help="What to measure; tls: with certificates, in turns with tcp."),
     ] = "tcp",
     robot: Annotated[
         str, typer.Option(help="Robot or emulator config: a name or a path.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Annotated
 
@@ -9,6 +10,21 @@ import typer
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a robot listens by default."""
+
+
+def reached(connect: str | None, secure: str | None) -> str | None:
+    """Where a robot is and with which certificate it is reached; None: whatever runs here."""
+    if secure is None:
+        return connect
+    from hoap3.protocol.config.endpoints import Place, over_tls
+
+    return Place(over_tls(ENDPOINT) if connect is None else connect, secure)
+
+
+def with_secure(sets: list[str], secure: str | None, *, insecure: bool = False) -> list[str]:
+    """The settings of `--set`, and those of `--secure` and `--insecure`."""
+    more = [] if secure is None else [f"link.secure={json.dumps(secure)}"]
+    return [*sets, *more, *(["link.insecure=true"] if insecure else [])]
 
 
 def finite(value: float | None) -> float | None:
@@ -19,6 +35,14 @@ def finite(value: float | None) -> float | None:
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+Secure = Annotated[
+    str | None,
+    typer.Option(
+        "--secure",
+        metavar="DIR",
+        help="Folder of our certificate, as `hoap3 certs issue` makes it: only TLS is spoken.",
+    ),
+]
 Connect = Annotated[
     str | None,
     typer.Option(

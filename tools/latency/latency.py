@@ -11,7 +11,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.latency.echo import BareEcho, Exchanges
 from hoap3.tools.latency.nodes import NullController
+from hoap3.tools.latency.secured import TLS, secured
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, link
 from hoap3.tools.machine.machine import machine_block
@@ -51,7 +52,8 @@ class Plan:
 
     Attributes:
         emulator: the robot; its link is replaced.
-        link: one of `hoap3.tools.machine.loopback_links.LINKS`.
+        link: one of `hoap3.tools.machine.loopback_links.LINKS`, or "tls": with certificates, in
+            turns with "tcp".
         blocks, ticks: how many blocks, and ticks of each.
         realtime: whether to pin, and to ask for priority.
         out: folder for the logs, one inside for each block; None to keep none.
@@ -83,6 +85,7 @@ def measure_latency(
     """
     description = describe(plan.emulator)
     tables: list[TickTable] = []
+    plain: list[TickTable] = []  # of Zenoh over TCP, in turns with TLS
     echoes: list[Exchanges] = []
     said: list[str] = []
     with (
@@ -93,7 +96,11 @@ def measure_latency(
         for block in range(plan.blocks):
             progress(f"block {block + 1} of {plan.blocks}: {transport(plan.link)}")
             try:
-                with link(plan.link) as pair:
+                if plan.link == TLS:
+                    with link("tcp") as pair:
+                        one = folder / f"plain{block}"
+                        plain.append(_block(plan, sides, pair, one, should_stop)[0])
+                with _link(plan.link, description.name) as pair:
                     one = folder / f"block{block}"
                     table, echo, said = _block(plan, sides, pair, one, should_stop)
             except Hoap3Error:
@@ -108,6 +115,7 @@ def measure_latency(
     return {
         **tick_figures(tables),
         **compare(tables, echoes),
+        "plain_rtt_us": _rtt(plain) if plain else None,
         "link": plan.link,
         "bytes": dict(zip(("state", "setpoint"), sizes(plan, description), strict=True)),
         "period_us": description.period_s * 1e6,
@@ -182,16 +190,26 @@ def compare(tables: Sequence[TickTable], echoes: Sequence[Exchanges]) -> dict[st
 
 def transport(link: str) -> str:
     """What carries the messages over a link of that name."""
-    return f"zenoh over {link}" if link in ZENOH else link
+    return f"zenoh over {link}" if link in {*ZENOH, TLS} else link
 
 
 def sizes(plan: Plan, description: RobotDescription) -> tuple[int, int]:
     """Bytes that carry a State and a Setpoint of this robot."""
-    if plan.link not in ZENOH:
+    if plan.link not in {*ZENOH, TLS}:
         frame = Frames(description, plan.emulator.link.hoap3_tcp.slots).size
         return frame, frame
     n = description.n
     return State.allocate(**description.state_lengths).size, Setpoint(n).size
+
+
+def _link(name: str, robot: str) -> AbstractContextManager[LinkPair]:
+    """What both sides meet over, for as long as it is held."""
+    return secured(robot) if name == TLS else link(name)
+
+
+def _rtt(tables: Sequence[TickTable]) -> dict[str, Any]:
+    """Percentiles of the round trips of some blocks [us]."""
+    return percentiles(np.concatenate([table.stage("rtt") for table in tables]))
 
 
 def _block(

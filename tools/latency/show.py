@@ -63,6 +63,8 @@ def _verdict(found: dict[str, Any]) -> Table:
 
 def _durations(found: dict[str, Any]) -> Table:
     rows = {"RTT": found["rtt_us"], "bare echo": found["echo_rtt_us"] or {"n": 0}}
+    if found.get("plain_rtt_us"):
+        rows["RTT in plain"] = found["plain_rtt_us"]
     rows |= {"response": found["response_us"]}
     rows |= {f"  {name}": stage for name, stage in found["stages_us"].items()}
     return durations_table(rows, found["jitter_us"])

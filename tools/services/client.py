@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
-from hoap3.protocol.config.endpoints import endpoint_fault
-from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings
+from hoap3.protocol.config.endpoints import Place, endpoint_fault
+from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings, parse
 from hoap3.protocol.errors import ConfigError, LinkError, UsageError, WireError
 
 
@@ -26,13 +26,17 @@ def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    from hoap3.protocol.link.zenoh_session import ask, open_session
+    from hoap3.protocol.link.zenoh_session import ask, open_session, session_name
 
     check_name(robot)
-    with open_session(client_settings(endpoint)) as session:
-        reply = ask(session, robot, verb, f"tool-{os.getpid()}")
+    settings = client_settings(endpoint)
+    check_right(settings, verb)
+    me = session_name(settings, f"tool-{os.getpid()}")
+    with open_session(settings, robot) as session:
+        reply = ask(session, robot, verb, me)
     if reply is None:
-        raise LinkError(f"no robot called {robot!r} answers at {endpoint}: `hoap3 list --live`")
+        look = f"`hoap3 list --live`{unanswered(settings)}"
+        raise LinkError(f"no robot called {robot!r} answers at {endpoint}: {look}")
     who = f"robot {robot!r} answers {verb!r}"
     return parse_answer(ROBOT_ANSWERS[verb], reply, who).model_dump()
 
@@ -80,15 +84,19 @@ def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
 
 def _ask_controller(robot: str, verb: str, body: bytes, endpoint: str) -> dict[str, Any]:
     """What the controller of a running robot answers."""
-    from hoap3.protocol.link.zenoh_session import ask, open_session
+    from hoap3.protocol.link.zenoh_session import ask, open_session, session_name
 
     check_name(robot)
-    with open_session(client_settings(endpoint)) as session:
-        reply = ask(session, robot, verb, f"tool-{os.getpid()}", body, whom="control")
+    settings = client_settings(endpoint)
+    check_right(settings, verb, controller=True)
+    me = session_name(settings, f"tool-{os.getpid()}")
+    with open_session(settings, robot) as session:
+        reply = ask(session, robot, verb, me, body, whom="control")
     if reply is None:
         raise LinkError(
             f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
             "whom it follows. In lockstep a controller answers only while its robot moves"
+            f"{unanswered(settings)}"
         )
     who = f"the controller of {robot!r} answers {verb!r}"
     answer = parse_answer(ControlAnswer, reply, who, MAX_CONTROL_BYTES)
@@ -98,15 +106,46 @@ def _ask_controller(robot: str, verb: str, body: bytes, endpoint: str) -> dict[s
 
 
 def client_settings(endpoint: str) -> LinkSettings:
-    """Settings of a client that connects to one endpoint.
+    """Settings of a client that connects to one endpoint; of a `Place` with its certificate.
 
     Raises:
-        ConfigError: not the form of an endpoint, or no port.
+        ConfigError: not the form of an endpoint, or no port, or not one for a certificate.
     """
     fault = endpoint_fault(endpoint)
     if fault is not None:
         raise ConfigError("--connect", "", endpoint, *fault)
-    return LinkSettings(connect=(endpoint,), mode="client")
+    secure = endpoint.secure if isinstance(endpoint, Place) else None
+    content = {"connect": [str(endpoint)], "mode": "client", "secure": secure}
+    return parse(LinkSettings, content, "--connect")
+
+
+def check_right(settings: LinkSettings, verb: str, *, controller: bool = False) -> None:
+    """Refuse at once what the role in our own certificate does not allow; the robot refuses too.
+
+    Raises:
+        UsageError: another role may do that.
+    """
+    if settings.secure is None:
+        return
+    from hoap3.protocol.secure.credentials import read_credentials
+    from hoap3.protocol.secure.roles import roles_that_ask
+
+    ours = read_credentials(settings.secure)
+    wanted = roles_that_ask(verb, controller=controller)
+    if wanted and ours.role not in wanted:
+        raise UsageError(
+            f"{ours.name!r} is {ours.role} by its certificate: {verb!r} is for {', '.join(wanted)}"
+        )
+
+
+def unanswered(settings: LinkSettings) -> str:
+    """What else silence may mean to who comes with a certificate; "" without one."""
+    if settings.secure is None:
+        return ""
+    from hoap3.protocol.secure.credentials import read_credentials
+
+    ours = read_credentials(settings.secure)
+    return f"; does its access.yaml list {ours.name!r} as {ours.role}?"
 
 
 def check_name(robot: str) -> None:

@@ -26,6 +26,7 @@ from hoap3.protocol.answers import (
     parse_answer,
     parse_description,
 )
+from hoap3.protocol.config.endpoints import Place, over_tls
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     BadProblemError,
@@ -36,7 +37,7 @@ from hoap3.protocol.errors import (
 )
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
 from hoap3.tools.services import sent
-from hoap3.tools.services.client import check_name, client_settings
+from hoap3.tools.services.client import check_name, check_right, client_settings, unanswered
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 LOOK_S = 5e-4  # between two looks for what has come
@@ -49,29 +50,45 @@ RETRY_S = 0.2
 
 
 def connect(
-    robot: str = "hoap3", endpoint: str = ENDPOINT, *, every_tick: bool = False
+    robot: str = "hoap3",
+    endpoint: str | None = None,
+    *,
+    every_tick: bool = False,
+    secure: str | os.PathLike[str] | None = None,
 ) -> Connection:
     """Connect to a running robot.
 
     Args:
         robot: its name.
-        endpoint: where it, or a router, listens.
+        endpoint: where it, or a router, listens; None: `tcp/127.0.0.1:7447`, or `tls/…` there.
         every_tick: be sent the State of each tick, not of each 16th alone. It costs the robot's
             machine as much as sending to a controller does.
+        secure: folder of a certificate, where the robot wants one.
 
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint.
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    return Connection(robot, endpoint, every_tick=every_tick)
+    return Connection(robot, _place(endpoint, secure), every_tick=every_tick)
 
 
 def connect_async(
-    robot: str = "hoap3", endpoint: str = ENDPOINT, *, every_tick: bool = False
+    robot: str = "hoap3",
+    endpoint: str | None = None,
+    *,
+    every_tick: bool = False,
+    secure: str | os.PathLike[str] | None = None,
 ) -> AsyncConnection:
     """The same for `async with`: each method of `Connection` is awaited."""
-    return AsyncConnection(robot, endpoint, every_tick=every_tick)
+    return AsyncConnection(robot, _place(endpoint, secure), every_tick=every_tick)
+
+
+def _place(endpoint: str | None, secure: str | os.PathLike[str] | None) -> str:
+    """Where a robot is, and with which certificate it is reached."""
+    if secure is None:
+        return endpoint or ENDPOINT
+    return Place(endpoint or over_tls(ENDPOINT), os.fspath(secure))
 
 
 class Connection:
@@ -89,9 +106,12 @@ class Connection:
         from hoap3.protocol.link import zenoh_session as network
 
         check_name(robot)
-        self.robot, self.who = robot, f"client-{os.getpid()}-{secrets.token_hex(3)}"
+        settings = client_settings(endpoint)
+        me = f"client-{os.getpid()}-{secrets.token_hex(3)}"
+        self.robot, self.who = robot, network.session_name(settings, me)
         self._network, self._endpoint, self._every_tick = network, endpoint, every_tick
-        self._session = network.open_session(client_settings(endpoint))
+        self._settings = settings
+        self._session = network.open_session(settings, robot)
         self._states: Any = None
         self._events: Any = None
         self._operator: dict[str, Any] | None = None
@@ -423,11 +443,13 @@ class Connection:
 
     def _ask(self, verb: str, body: bytes = b"", whom: Any = "ask") -> bytes:
         self._check_open()
+        check_right(self._settings, verb, controller=whom == "control")
         reply = self._network.ask(self._session, self.robot, verb, self.who, body, whom)
         if reply is not None:
             return bytes(reply)
         look = f"`hoap3 status --connect {self._endpoint}`"
         if whom == "ask":
+            look += unanswered(self._settings)
             raise LinkError(f"no robot called {self.robot!r} answers {verb!r}: {look}")
         raise LinkError(
             f"no controller of robot {self.robot!r} answers {verb!r}: {look} says whom it follows. "

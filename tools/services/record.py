@@ -19,7 +19,7 @@ from hoap3.protocol.wire_versions import upgraded
 from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.machine.machine import versions
 from hoap3.tools.machine.processes import StopFlag
-from hoap3.tools.services.client import check_name, client_settings
+from hoap3.tools.services.client import check_name, client_settings, unanswered
 from hoap3.tools.services.observer import REPAIR
 from hoap3.tools.services.services import run_folder
 
@@ -86,7 +86,13 @@ def record_robot(
     """
     import zenoh
 
-    from hoap3.protocol.link.zenoh_session import ask_versions, key, open_session, state_key
+    from hoap3.protocol.link.zenoh_session import (
+        ask_versions,
+        key,
+        open_session,
+        session_name,
+        state_key,
+    )
 
     check_name(robot)
     stop = StopFlag()
@@ -102,10 +108,14 @@ def record_robot(
 
         return note
 
-    with open_session(client_settings(endpoint)) as session:
-        version, data = ask_versions(session, robot, "description", f"recorder-{os.getpid()}")
+    settings = client_settings(endpoint)
+    me = session_name(settings, f"recorder-{os.getpid()}")
+    with open_session(settings, robot) as session:
+        version, data = ask_versions(session, robot, "description", me)
         if data is None:
-            raise LinkError(f"no robot called {robot!r} answers at {endpoint}")
+            raise LinkError(
+                f"no robot called {robot!r} answers at {endpoint}{unanswered(settings)}"
+            )
         description = parse_description(data, robot)
         folder = run_folder(LogSettings(), out, ("robot",)) or Path()
         writer = LogWriter(

@@ -112,14 +112,16 @@ def run_realtime(
             forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
-    transport = "zenoh tcp" if emulator.link.kind == "zenoh" else emulator.link.kind
+    protocol = "tcp" if emulator.link.secure is None else "tls"
+    transport = f"zenoh {protocol}" if emulator.link.kind == "zenoh" else emulator.link.kind
     return summary | told(f"{transport}, same host", folder)
 
 
 def _meeting(emulator: EmulatorConfig) -> tuple[dict[str, Any], dict[str, Any]]:
     """Changes of both links, with which robot and controller meet at free ports."""
     if emulator.link.kind == "zenoh":
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        protocol = "tcp" if emulator.link.secure is None else "tls"
+        endpoint = f"{protocol}/127.0.0.1:{free_port()}"
         return {"listen": (endpoint,)}, {"connect": (endpoint,), "kind": "zenoh"}
     ports = {"host": "127.0.0.1", "init_port": free_port(), "control_port": free_port()}
     ours = emulator.link.hoap3_tcp.model_copy(update=ports)

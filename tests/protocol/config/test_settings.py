@@ -47,7 +47,7 @@ class Stage(Settings):
     delta: float = 1.0
 
 
-LINK_KEYS = "connect, hoap3_tcp, kind, lease_ms, listen, mode"
+LINK_KEYS = "connect, hoap3_tcp, insecure, kind, lease_ms, listen, mode, secure"
 
 
 class Service(Settings):

@@ -69,6 +69,10 @@ ELSEWHERE = {
     "bridge foxglove": "tests/tools/bridge/test_bridges_run.py: it runs until it is stopped",
     "bridge layouts": "tests/tools/bridge/test_bridge_commands.py: what it writes are files",
     "bridge ros2": "tests/tools/bridge/test_bridges_run.py: it runs until it is stopped",
+    **dict.fromkeys(
+        ("certs init", "certs issue", "certs list", "certs renew", "certs revoke"),
+        "tests/tools/certs/test_certs_command.py",
+    ),
     "view": "tests/system/view: it runs until it is stopped",
     "new": "tests/tools/new",
     "priorities": "tests/system/runs/test_live_changes.py",

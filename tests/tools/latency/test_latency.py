@@ -164,6 +164,15 @@ def test_every_link_is_measured(link):
     assert found["rtt_ratio"] > 0
 
 
+@pytest.mark.slow
+def test_with_certificates_the_round_trips_in_plain_stand_beside(tmp_path):
+    found = measure_latency(plan(link="tls", out=tmp_path / "logs"))
+    assert found["transport"].startswith("zenoh over tls")
+    assert found["rtt_us"]["n"] > 0
+    assert found["plain_rtt_us"]["n"] > 0
+    assert {path.name for path in (tmp_path / "logs").iterdir()} == {"plain0", "block0"}
+
+
 @pytest.mark.parametrize(("lost", "code"), [(0, 0), (60, 1)])
 def test_the_exit_code_is_the_verdict(tmp_path, lost, code):
     Story(500, vanished=set(range(0, 8 * lost, 8))).write(tmp_path)

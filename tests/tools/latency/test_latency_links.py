@@ -9,6 +9,8 @@ import pytest
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink
+from hoap3.protocol.link.zenoh_session import session_name
+from hoap3.tools.latency.secured import secured
 from hoap3.tools.machine.loopback_links import ZENOH, link
 
 PATIENCE_S = 60.0
@@ -32,6 +34,22 @@ def test_a_robot_and_its_controller_meet(name):
                 controller.close()
         finally:
             robot.close()
+
+
+def test_with_certificates_both_sides_meet_and_nothing_is_left_behind():
+    with secured("meeting") as (ours, theirs):
+        robot = ZenohRobotLink("meeting", LinkSettings().model_copy(update=ours))
+        try:
+            settings = LinkSettings().model_copy(update=theirs)
+            who = session_name(settings, "1")
+            controller = ZenohControllerLink("meeting", settings, who)
+            try:
+                assert controller.presence.wait(PATIENCE_S)
+            finally:
+                controller.close()
+        finally:
+            robot.close()
+    assert not Path(ours["secure"]).exists()
 
 
 def test_nothing_of_a_link_is_left_behind():

@@ -46,7 +46,7 @@ class Network:
         counts = {"taken": 0, "late_points": 0, "refused": {}}
         return json.dumps({"error": None, "now": {**grant, **counts}}).encode()
 
-    def session(self, _: Any) -> Any:
+    def session(self, _: Any, robot: str) -> Any:
         """As zenoh has it."""
         subscriber = SimpleNamespace(try_recv=self._sample)
         return SimpleNamespace(

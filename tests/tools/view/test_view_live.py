@@ -56,7 +56,7 @@ class Network:
         """As `ask`, and the version of the answer."""
         return WIRE_VERSION, self.ask(*given)
 
-    def session(self, _: Any) -> Any:
+    def session(self, _: Any, robot: str) -> Any:
         """As zenoh has it."""
         self.opened += 1
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hoap3.tools.cli.options import AsJson, Connect
+from hoap3.tools.cli.options import AsJson, Connect, Secure, reached
 from hoap3.tools.machine.processes import StopFlag, to_people
 from hoap3.tools.show.output import print_json, print_line
 
@@ -26,6 +26,7 @@ Running = Annotated[
 def foxglove(
     robot: Running = None,
     connect: Connect = None,
+    secure: Secure = None,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[
         int, typer.Option(min=0, max=65_535, help="Port to listen on; 0: any that is free.")
@@ -48,7 +49,7 @@ def foxglove(
         to_people(f"Foxglove: open ws://{host}:{server.port}")
         if steer:
             to_people("whoever reaches that port may steer, web pages of a browser here among them")
-        _show(robot, connect, server, stop)
+        _show(robot, reached(connect, secure), server, stop)
     finally:
         server.close()
 
@@ -57,6 +58,7 @@ def foxglove(
 def ros2(
     robot: Running = None,
     connect: Connect = None,
+    secure: Secure = None,
     listen: Annotated[
         str, typer.Option(help="Endpoint on which ROS 2 nodes and routers find the bridge.")
     ] = "tcp/127.0.0.1:7448",
@@ -74,7 +76,7 @@ def ros2(
     publisher = Ros2Publisher(listen, router, domain, namespace)
     try:
         to_people(f"ROS 2: domain {domain}, {f'router {router}' if router else listen}")
-        _show(robot, connect, publisher, stop)
+        _show(robot, reached(connect, secure), publisher, stop)
     finally:
         publisher.close()
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hoap3.tools.cli.options import Connect
+from hoap3.tools.cli.options import Connect, Secure, reached
 from hoap3.tools.show.output import print_line, print_note
 
 
@@ -24,6 +24,7 @@ def view(
         Path | None, typer.Argument(metavar="[LOG]", help="A second log, drawn as a ghost.")
     ] = None,
     connect: Connect = None,
+    secure: Secure = None,
     host: Annotated[
         str, typer.Option("--host", help="Address to listen at; others than loopback are seen.")
     ] = "127.0.0.1",
@@ -55,7 +56,7 @@ def view(
         raise typer.BadParameter("a second log goes with a log, not with a robot")
     from hoap3.tools.cli.find_robot import reach_robot
 
-    name, endpoint = reach_robot(what, connect)
+    name, endpoint = reach_robot(what, reached(connect, secure))
     serve_robot(
         *(name, endpoint, host, port, robot, print_line),
         steering=not no_steering,

@@ -114,8 +114,9 @@ class Live:
         self._closing, self._wanted = threading.Event(), threading.Event()
         self._notes, self._noted = deque[str](), set[str]()
         self.watched, self.version = False, 1
-        self._session = network.open_session(client_settings(endpoint))
-        who = f"view-{os.getpid()}-{secrets.token_hex(3)}"
+        settings = client_settings(endpoint)
+        who = network.session_name(settings, f"view-{os.getpid()}-{secrets.token_hex(3)}")
+        self._session = network.open_session(settings, robot)
         self._ask = Questions(self._session, robot, who, endpoint)
         try:
             self._met, self._now = self._meet()

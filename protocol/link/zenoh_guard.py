@@ -1,0 +1,139 @@
+"""What a robot with certificates checks itself, behind Zenoh's access control.
+
+Zenoh drops what its rules do not allow; they are fixed when the session opens. The guard knows the
+list of today: it refuses names that have left it, and closes their connections. It also keeps the
+setpoints of all but the holder from the robot, whatever epoch they state.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.zenoh_session import zenoh
+from hoap3.protocol.link.zenoh_sockets import shut_down
+from hoap3.protocol.secure.access import ACCESS_FILE, read_access
+from hoap3.protocol.secure.roles import Role, may_ask
+from hoap3.protocol.wire_versions import OLDEST
+
+LOOK_S = 0.25  # between two looks at the list and at who is connected
+
+
+class Guard:
+    """Who may do what, as the list says now.
+
+    `admitted` belongs to the robot's loop, `follows` to its receive thread; neither blocks.
+
+    Args:
+        session: of the robot.
+        directory: of its certificate, with the list.
+        report: is told what becomes of the list, in a thread of ours.
+
+    Raises:
+        ConfigError: the list cannot be read.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, directory: str, report: Callable[[str], None]
+    ) -> None:
+        self._session, self._directory, self._report = session, Path(directory), report
+        self._file = self._directory / ACCESS_FILE
+        self._stamp = self._stamped()
+        self._roles: Mapping[str, Role] = read_access(self._directory).roles
+        self._known = frozenset(self._roles)  # whom Zenoh's rules know
+        self._holder = ""  # who was granted authority last
+        self._refused = self._not_holder = 0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="access", daemon=True)
+
+    def start(self) -> None:
+        """Start to watch the list."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Watch no longer; before the session is closed."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2.0)
+
+    def counts(self) -> dict[str, int]:
+        """Setpoints that were not the holder's, and requests without a right to them."""
+        return {"not_holder": self._not_holder, "no_right": self._refused}
+
+    def follows(self, who: str) -> bool:
+        """Whether setpoints on the key of `who` count: only the holder's do."""
+        if who and who == self._holder:
+            return True
+        self._not_holder += 1
+        return False
+
+    def admitted(self, request: Request) -> Request | None:
+        """A request as the robot is to serve it; None where it was refused.
+
+        An admin may release whoever holds authority, as a user of the robot's own machine may.
+        """
+        name, dot, _ = request.who.partition(".")
+        role = self._roles.get(name)
+        if role is None or not dot or request.version == OLDEST or not may_ask(role, request.verb):
+            self._refused += 1
+            why = f"{request.who!r} has no right to {request.verb!r}"
+            request.answer({"error": why})
+            return None
+        if request.verb == "acquire":
+            return replace(request, answer=self._noting(request))
+        if request.verb == "release" and role == "admin":
+            return replace(request, local=True)
+        return request
+
+    def _noting(self, request: Request) -> Callable[[dict[str, Any] | bytes], None]:
+        """Its answer, which first tells whose setpoints count."""
+
+        def answer(content: dict[str, Any] | bytes) -> None:
+            if isinstance(content, dict) and content.get("granted"):
+                self._holder = request.who
+            request.answer(content)
+
+        return answer
+
+    def _watch(self) -> None:
+        while not self._closing.wait(LOOK_S):
+            stamp = self._stamped()
+            if stamp != self._stamp:
+                self._stamp = stamp
+                self._read_again()
+            self._close_strangers()
+
+    def _read_again(self) -> None:
+        """Take the list as it is now; one that is wrong lets in whom it did before."""
+        try:
+            roles = read_access(self._directory).roles
+        except ConfigError as error:
+            self._report(f"{error}. Whom it let in before is let in still")
+            return
+        gone, new = self._roles.keys() - roles.keys(), roles.keys() - self._known
+        changed = {name for name, role in roles.items() if self._roles.get(name, role) != role}
+        self._roles = {name: role for name, role in roles.items() if name in self._known - changed}
+        if gone | changed:
+            self._report(f"lets in no longer: {', '.join(sorted(gone | changed))}")
+        if new | changed:
+            names = ", ".join(sorted(new | changed))
+            self._report(f"lets in {names} when it starts again, not before")
+
+    def _close_strangers(self) -> None:
+        """Close the connections of names that are not on the list."""
+        for link in self._session.info.links():
+            if link.auth_identifier not in self._roles:
+                shut_down(str(link.dst))
+
+    def _stamped(self) -> tuple[int, int]:
+        """What changes where the list is written."""
+        try:
+            status = self._file.stat()
+        except OSError:
+            return 0, 0
+        return status.st_mtime_ns, status.st_ino

@@ -1,0 +1,1 @@
+"""The secure profile: who is who by certificate, and what each role may do."""

@@ -1,0 +1,32 @@
+"""A laboratory's certificates: one of each role, and a second controller."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from pathlib import Path
+
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.tools.certs.authority import init, issue
+
+DAY = timedelta(days=1)
+PEOPLE = {
+    "qp": "controller",
+    "rival": "controller",
+    "anna": "operator",
+    "otto": "observer",
+    "chief": "admin",
+}
+
+
+def laboratory(folder: Path, robot: str = "arm") -> Path:
+    """A new authority with a robot and `PEOPLE`; the folder that holds theirs."""
+    init(folder, DAY)
+    issue(folder, robot, "robot", [], DAY)
+    for name, role in PEOPLE.items():
+        issue(folder, name, role, [], DAY)
+    return folder
+
+
+def client(folder: Path, name: str, endpoint: str, mode: str = "client") -> LinkSettings:
+    """Settings of a session with somebody's certificate."""
+    return LinkSettings(connect=(endpoint,), mode=mode, secure=str(folder / name))

@@ -1,0 +1,107 @@
+"""The laboratory's authority: what it writes, who may read it, and what it never says."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+import pytest
+from support.certificates.laboratory import DAY, laboratory
+
+from hoap3.protocol.errors import ConfigError, UsageError
+from hoap3.protocol.secure.access import read_access
+from hoap3.protocol.secure.credentials import read_credentials
+from hoap3.tools.certs.authority import init, issue, renew, revoke
+from hoap3.tools.certs.register import read_register
+
+
+@pytest.fixture
+def certs(tmp_path) -> Path:
+    return laboratory(tmp_path / "certs")
+
+
+def test_keys_are_their_owners_alone(certs):
+    keys = [certs / "ca.key", *certs.glob("*/key.pem")]
+    assert len(keys) == 7
+    assert {stat.S_IMODE(path.stat().st_mode) for path in keys} == {0o600}
+    assert {stat.S_IMODE(path.stat().st_mode) for path in certs.iterdir() if path.is_dir()} == {
+        0o700
+    }
+
+
+def test_a_robots_list_has_everybody_whoever_came_first(certs):
+    issue(certs, "late", "robot", [], DAY)
+    issue(certs, "new", "observer", [], DAY)
+    lists = [dict(read_access(certs / robot).roles) for robot in ("arm", "late")]
+    assert lists[0] == lists[1]
+    assert lists[0]["new"] == "observer"
+    assert lists[0]["qp"] == "controller"
+
+
+def test_revoking_takes_a_name_from_every_list_for_ever(certs):
+    issue(certs, "late", "robot", [], DAY)
+    revoke(certs, "qp")
+    for robot in ("arm", "late"):
+        assert "qp" not in read_access(certs / robot).roles
+        assert "rival" in read_access(certs / robot).roles
+    for act in (lambda: renew(certs, "qp", DAY), lambda: revoke(certs, "qp")):
+        with pytest.raises(UsageError, match="revoked"):
+            act()
+    with pytest.raises(UsageError, match="never used again"):
+        issue(certs, "qp", "controller", [], DAY)
+
+
+def test_a_list_that_was_cut_by_hand_stays_so(certs):
+    file = certs / "arm" / "access.yaml"
+    file.write_text("controllers: [qp]\n")
+    issue(certs, "new", "observer", [], DAY)
+    assert read_access(certs / "arm").roles == {"qp": "controller", "new": "observer"}
+
+
+def test_renewing_keeps_who_it_is_and_changes_the_key(certs):
+    issue(certs, "far", "robot", ["robot.example", "192.168.1.10"], DAY)
+    before = {name: (certs / "far" / name).read_bytes() for name in ("key.pem", "cert.pem")}
+    renew(certs, "far", 2 * DAY)
+    found = read_credentials(certs / "far")
+    assert (found.name, found.role) == ("far", "robot")
+    assert (certs / "far" / "key.pem").read_bytes() != before["key.pem"]
+    assert hosts(certs / "far" / "cert.pem") >= {"robot.example", "192.168.1.10", "127.0.0.1"}
+    assert read_register(certs).get("far").expires == found.expires.isoformat()
+
+
+def hosts(file: Path) -> set[str]:
+    from cryptography import x509
+
+    content = x509.load_pem_x509_certificate(file.read_bytes()).extensions
+    names = content.get_extension_for_class(x509.SubjectAlternativeName).value
+    return {str(each.value) for each in names}
+
+
+def test_a_second_authority_takes_nobodys_place(certs):
+    with pytest.raises(UsageError, match="already"):
+        init(certs, DAY)
+
+
+@pytest.mark.parametrize("name", ["A", "a.b", "../a", "a b", "", "é"])
+def test_a_name_is_one_that_keys_and_folders_can_have(name, certs):
+    with pytest.raises(ConfigError):
+        issue(certs, name, "observer", [], DAY)
+
+
+@pytest.mark.parametrize("host", ["tcp/1.2.3.4", "a:7447", "", "*.lab", "ü.lab"])
+def test_a_host_is_a_name_or_an_address(host, certs):
+    with pytest.raises(ConfigError, match="host"):
+        issue(certs, "far", "robot", [host], DAY)
+    assert read_register(certs).find("far") is None
+
+
+def test_only_robots_have_hosts_and_none_is_revoked(certs):
+    with pytest.raises(UsageError, match="--host"):
+        issue(certs, "new", "observer", ["lab"], DAY)
+    with pytest.raises(UsageError, match="new authority"):
+        revoke(certs, "arm")
+
+
+def test_without_an_authority_the_command_that_makes_one_is_named(tmp_path):
+    with pytest.raises(UsageError, match="hoap3 certs init"):
+        issue(tmp_path, "a", "observer", [], DAY)

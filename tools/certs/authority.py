@@ -1,0 +1,295 @@
+"""Makes, renews and revokes certificates; each gets a directory of its own below the authority's.
+
+Private keys are elliptic (P-256), readable by their owner alone, and are never printed. A robot's
+directory also holds the list of whom it lets in, which `issue` and `revoke` keep.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from hoap3.protocol.config.settings import parse
+from hoap3.protocol.errors import ConfigError, UsageError
+from hoap3.protocol.secure.access import ACCESS_FILE, Access, read_access
+from hoap3.protocol.secure.credentials import (
+    CA_FILE,
+    CERTIFICATE_FILE,
+    KEY_FILE,
+    check_installed,
+)
+from hoap3.protocol.secure.roles import Role
+from hoap3.tools.certs.register import REGISTER_FILE, Entry, Register, read_register
+from hoap3.tools.logs.atomic_write import whole_file
+
+CA_KEY_FILE = "ca.key"
+HOSTS = ("localhost", "127.0.0.1", "::1")  # at which a robot is reached on its own machine
+SLACK = timedelta(minutes=5)  # by which clocks may differ
+
+
+def init(folder: Path, valid: timedelta) -> Path:
+    """Make an authority in a folder.
+
+    Returns:
+        Its certificate.
+
+    Raises:
+        UsageError: there is one, or the folder cannot be written.
+    """
+    check_installed()
+    if (folder / CA_KEY_FILE).exists() or (folder / REGISTER_FILE).exists():
+        raise UsageError(f"{folder}: holds an authority already. Name another folder")
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = _name("hoap3 authority", "authority")
+    usage = x509.KeyUsage(
+        digital_signature=False,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        key_cert_sign=True,
+        crl_sign=True,
+        encipher_only=False,
+        decipher_only=False,
+    )
+    public = key.public_key()
+    certificate = (
+        _builder(subject, subject, public, valid)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(usage, critical=True)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(public), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    with _writing(folder):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _write_secret(folder / CA_KEY_FILE, _pem_of_key(key))
+        _write(folder / CA_FILE, _pem(certificate))
+        _write(folder / REGISTER_FILE, Register().to_yaml().encode())
+    return folder / CA_FILE
+
+
+def issue(
+    folder: Path, name: str, role: Role, hosts: Sequence[str], valid: timedelta
+) -> tuple[Path, list[Path]]:
+    """Make a certificate.
+
+    Args:
+        folder: of the authority.
+        name: of whoever holds it; of a robot, its name on the network.
+        role: what it may do.
+        hosts: names and addresses at which a robot is reached, besides those of its own machine.
+        valid: for how long.
+
+    Returns:
+        Its directory, and the lists of robots that were changed.
+
+    Raises:
+        UsageError: the name is taken, or no robot and yet hosts.
+        ConfigError: that can be no name, or no host.
+    """
+    register = read_register(folder)
+    if register.find(name) is not None:
+        raise UsageError(
+            f"{name!r} has a certificate already: `hoap3 certs renew {name}`, or choose another "
+            "name. A revoked one is never used again"
+        )
+    if hosts and role != "robot":
+        raise UsageError(f"--host is for a robot, and {name!r} shall be {role}")
+    entry = parse(Entry, {"name": name, "role": role, "expires": ""}, "hoap3 certs issue")
+    entry = _make(folder, entry, [*HOSTS, *hosts] if role == "robot" else [], valid)
+    changed = _list_in_robots(folder, register, entry)
+    _save(folder, register.with_entry(entry))
+    return folder / name, changed
+
+
+def renew(folder: Path, name: str, valid: timedelta) -> Path:
+    """Make a new key and certificate for the same name, role and hosts; its directory.
+
+    Raises:
+        UsageError: there is no such certificate, or it was revoked.
+    """
+    register = read_register(folder)
+    entry = register.get(name)
+    hosts = _hosts_in(folder / name / CERTIFICATE_FILE)
+    _save(folder, register.with_entry(_make(folder, entry, hosts, valid)))
+    return folder / name
+
+
+def revoke(folder: Path, name: str) -> list[Path]:
+    """Take a name from the lists of all robots, for ever; the lists that were changed.
+
+    Raises:
+        UsageError: there is no such certificate, or it was revoked, or it is a robot's.
+    """
+    register = read_register(folder)
+    entry = register.get(name)
+    if entry.role == "robot":
+        raise UsageError(
+            f"{name!r} is a robot, which is on no list: where its key was stolen, begin with a new "
+            "authority"
+        )
+    changed = []
+    for file, access in _robots(folder, register):
+        if name in access.roles:
+            _write(file, access.without(name).to_yaml().encode())
+            changed.append(file)
+    _save(folder, register.with_entry(entry.model_copy(update={"revoked": True})))
+    return changed
+
+
+def _make(folder: Path, entry: Entry, hosts: Sequence[str], valid: timedelta) -> Entry:
+    """Write the directory of a certificate; the entry with its end."""
+    check_installed()
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    ca_key: Any = load_pem_private_key((folder / CA_KEY_FILE).read_bytes(), None)
+    ca = x509.load_pem_x509_certificate((folder / CA_FILE).read_bytes())
+    key = ec.generate_private_key(ec.SECP256R1())
+    robot = entry.role == "robot"
+    purpose = ExtendedKeyUsageOID.SERVER_AUTH if robot else ExtendedKeyUsageOID.CLIENT_AUTH
+    issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(ca_key.public_key())
+    builder = (
+        _builder(_name(entry.name, entry.role), ca.subject, key.public_key(), valid)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(x509.ExtendedKeyUsage([purpose]), critical=True)
+        .add_extension(issuer, critical=False)
+        .add_extension(_alternatives(hosts or [entry.name]), critical=False)
+    )
+    certificate = builder.sign(ca_key, hashes.SHA256())
+    place = folder / entry.name
+    with _writing(place):
+        place.mkdir(mode=0o700, exist_ok=True)
+        _write_secret(place / KEY_FILE, _pem_of_key(key))
+        _write(place / CERTIFICATE_FILE, _pem(certificate))
+        _write(place / CA_FILE, (folder / CA_FILE).read_bytes())
+    return entry.model_copy(update={"expires": certificate.not_valid_after_utc.isoformat()})
+
+
+def _list_in_robots(folder: Path, register: Register, entry: Entry) -> list[Path]:
+    """Give a new robot its list, or a new name to the lists of all robots; what was changed."""
+    if entry.role == "robot":
+        access = Access()
+        for each in register.certificates:
+            if each.role != "robot" and not each.revoked:
+                access = access.with_name(each.name, each.role)
+        file = folder / entry.name / ACCESS_FILE
+        _write(file, access.to_yaml().encode())
+        return [file]
+    changed = []
+    for file, access in _robots(folder, register):
+        _write(file, access.with_name(entry.name, entry.role).to_yaml().encode())
+        changed.append(file)
+    return changed
+
+
+def _robots(folder: Path, register: Register) -> list[tuple[Path, Access]]:
+    """The lists of all robots."""
+    places = [folder / each.name for each in register.certificates if each.role == "robot"]
+    return [(place / ACCESS_FILE, read_access(place)) for place in places]
+
+
+def _save(folder: Path, register: Register) -> None:
+    _write(folder / REGISTER_FILE, register.to_yaml().encode())
+
+
+def _builder(subject: Any, issuer: Any, public: Any, valid: timedelta) -> Any:
+    from cryptography import x509
+
+    now = datetime.now(UTC)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(public)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - SLACK)
+        .not_valid_after(now + valid)
+    )
+
+
+def _name(common: str, unit: str) -> Any:
+    from cryptography import x509
+    from cryptography.x509.oid import NameOID
+
+    parts = (NameOID.ORGANIZATIONAL_UNIT_NAME, unit), (NameOID.COMMON_NAME, common)
+    return x509.Name([x509.NameAttribute(oid, text) for oid, text in parts])
+
+
+def _alternatives(hosts: Iterable[str]) -> Any:
+    """Subject alternative names.
+
+    Raises:
+        ConfigError: one is neither a name nor an address.
+    """
+    from cryptography import x509
+
+    names: list[x509.GeneralName] = []
+    for host in hosts:
+        try:
+            names.append(x509.IPAddress(ipaddress.ip_address(host)))
+        except ValueError:
+            if not host or not host.isascii() or any(letter in host for letter in "/:* "):
+                problem = "is neither a host name nor an address"
+                raise ConfigError("--host", "", host, problem, "Write 192.168.1.10") from None
+            names.append(x509.DNSName(host))
+    return x509.SubjectAlternativeName(names)
+
+
+def _hosts_in(certificate: Path) -> list[str]:
+    from cryptography import x509
+
+    content = x509.load_pem_x509_certificate(certificate.read_bytes())
+    names = content.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    return [str(each.value) for each in names]
+
+
+def _pem(certificate: Any) -> bytes:
+    from cryptography.hazmat.primitives.serialization import Encoding
+
+    return bytes(certificate.public_bytes(Encoding.PEM))
+
+
+def _pem_of_key(key: Any) -> bytes:
+    from cryptography.hazmat.primitives import serialization as form
+
+    return bytes(
+        key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
+    )
+
+
+@contextmanager
+def _writing(place: Path) -> Iterator[None]:
+    """Name the place that cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(
+            f"{place}: cannot be written ({error.strerror}). Name a folder of your own"
+        ) from error
+
+
+def _write(path: Path, data: bytes) -> None:
+    with whole_file(path) as draft:
+        draft.write_bytes(data)
+
+
+def _write_secret(path: Path, data: bytes) -> None:
+    """Write what its owner alone may read, from the first moment on."""
+    with (
+        whole_file(path) as draft,
+        os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file,
+    ):
+        file.write(data)

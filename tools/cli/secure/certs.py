@@ -1,0 +1,92 @@
+"""The commands `hoap3 certs …`: who may do what with a robot."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from hoap3.tools.cli.options import AsJson
+from hoap3.tools.show.output import print_json, print_line, print_note
+
+certs_app = typer.Typer(
+    no_args_is_help=True, help="Certificates of the secure profile, for a laboratory."
+)
+Folder = Annotated[Path, typer.Option("--dir", help="Folder of the authority.")]
+Name = Annotated[str, typer.Argument(help="Name in the certificate; of a robot, its own.")]
+Days = Annotated[float, typer.Option(min=0.001, max=36_500.0, help="For how long it is valid.")]
+HERE = Path("certs")
+
+
+@certs_app.command()
+def init(folder: Folder = HERE, days: Days = 3650.0) -> None:
+    """Make an authority. Its key, ca.key, decides who is let in: keep it off the robots."""
+    from hoap3.tools.certs.authority import init as make
+
+    print_line(str(make(folder, timedelta(days=days))))
+
+
+@certs_app.command()
+def issue(
+    name: Name,
+    role: Annotated[
+        Literal["robot", "controller", "operator", "observer", "admin"],
+        typer.Option(help="What its holder may do."),
+    ],
+    host: Annotated[
+        list[str] | None,
+        typer.Option("--host", help="Name or address at which a robot is reached; repeatable."),
+    ] = None,
+    folder: Folder = HERE,
+    days: Days = 365.0,
+) -> None:
+    """Make a certificate; print the directory that `--secure` takes."""
+    from hoap3.tools.certs.authority import issue as make
+
+    place, changed = make(folder, name, role, host or [], timedelta(days=days))
+    print_line(str(place))
+    _tell(changed, "a robot that runs takes the new name when it starts again")
+
+
+@certs_app.command("list")
+def list_all(folder: Folder = HERE, as_json: AsJson = False) -> None:
+    """List the certificates: name, role, end, and whether each is valid."""
+    from hoap3.tools.certs.register import read_register
+
+    found = [each.as_json() for each in read_register(folder).certificates]
+    if as_json:
+        print_json({"certificates": found})
+        return
+    for each in found:
+        print_line(f"{each['name']} {each['role']} {each['expires'][:10]} {each['state']}")
+    if not found:
+        print_line("none")
+
+
+@certs_app.command()
+def renew(name: Name, folder: Folder = HERE, days: Days = 365.0) -> None:
+    """Make a new key and certificate for a name, with its role and hosts."""
+    from hoap3.tools.certs.authority import renew as make
+
+    print_line(str(make(folder, name, timedelta(days=days))))
+    print_note("copy it to its machine; a session that is open keeps the old one until it ends")
+
+
+@certs_app.command()
+def revoke(name: Name, folder: Folder = HERE) -> None:
+    """Take a name from the lists of all robots, for ever."""
+    from hoap3.tools.certs.authority import revoke as take
+
+    changed = take(folder, name)
+    print_line(f"{name}: revoked")
+    _tell(changed, "")
+
+
+def _tell(changed: list[Path], more: str) -> None:
+    """Name the lists that have to go to their robots."""
+    for file in changed:
+        print_note(f"changed {file}: copy it to its robot")
+    if changed and more:
+        print_note(more)
