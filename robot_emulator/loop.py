@@ -171,7 +171,7 @@ class RobotLoop:
                 ticker.wait()
                 heed(ticker.tick)
             self.step(ticker)
-            at_rest = self.mode == State.STOPPED and not self._pending
+            at_rest = self._authority.mode == State.STOPPED and not self._pending
             if at_rest and self._authority.stop_reason in ENDING:
                 break
         self._record_state()
@@ -232,7 +232,7 @@ class RobotLoop:
         self._acted = False
         self.tick = self._published = ticker.tick
         self._publish(ticker)
-        if self.mode == State.ACTIVE:
+        if self._authority.mode == State.ACTIVE:
             self._ask(ticker)
 
     def _may_act_ahead(self, ticker: Ticker) -> bool:
@@ -250,7 +250,11 @@ class RobotLoop:
         for asked, judged in self._pending:
             if (judged <= tick or asked <= newest) and not self.validator.in_time(asked):
                 return False
-        return not self._delay or self.mode != State.ACTIVE or self.validator.settled(newest)
+        return (
+            not self._delay
+            or self._authority.mode != State.ACTIVE
+            or self.validator.settled(newest)
+        )
 
     def _ask(self, ticker: Ticker) -> None:
         """Note until when the State just published can be answered, and when that is judged."""
@@ -321,7 +325,7 @@ class RobotLoop:
         pending, validator = self._pending, self.validator
         while pending and pending[0][1] <= self.tick:
             in_time = validator.count(pending.popleft()[0])
-            if self.mode != State.ACTIVE:
+            if self._authority.mode != State.ACTIVE:
                 continue  # it was told to stop before
             if not in_time and validator.deadlines.misses_in_a_row >= self._config.misses_to_stop:
                 self.stop("REASON_MISSES")
@@ -340,7 +344,7 @@ class RobotLoop:
     def _move(self) -> None:
         """Decide what drives the body for one period."""
         setpoint_filter, validator = self._setpoint_filter, self.validator
-        if self.mode == State.ACTIVE:
+        if self._authority.mode == State.ACTIVE:
             if self._delay:
                 validator.release(self.tick - 1 - self._delay)
             if validator.fresh:
@@ -354,7 +358,7 @@ class RobotLoop:
             if clipped >= 0 and not self._clipped:
                 self._announce("CLIPPED", clipped)
             self._clipped = clipped >= 0
-        elif self.mode == State.STOPPING:
+        elif self._authority.mode == State.STOPPING:
             if setpoint_filter.brake():
                 self._announce("AT_REST", self.tick - self._stop_began)
                 self._authority = self._authority.come_to_rest()
@@ -368,12 +372,12 @@ class RobotLoop:
 
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""
-        moving = self.mode in (State.ACTIVE, State.STOPPING)
+        moving = self._authority.mode in (State.ACTIVE, State.STOPPING)
         overloaded = self._setpoint_filter.overloaded if moving else -1
         if overloaded >= 0 > self._overloaded:
             self._announce("TORQUE_LIMITED", overloaded)
         self._overloaded = overloaded
-        times = self._plant_times if self.mode == State.ACTIVE else None
+        times = self._plant_times if self._authority.mode == State.ACTIVE else None
         began = self._clock.now() if times else 0
         if moving:
             self.plant.step(self._setpoint_filter.value, self._description.period_s)
@@ -412,7 +416,7 @@ class RobotLoop:
         np.subtract(rate, earlier, out=state.reference_acceleration)
         state.reference_acceleration /= self._description.period_s
         earlier[:] = rate
-        state.followed[0] = self._followed if self.mode == State.ACTIVE else -1.0
+        state.followed[0] = self._followed if self._authority.mode == State.ACTIVE else -1.0
 
     def _record_state(self) -> None:
         """Record the newest State: in real time after a sleep, in which the answer is made."""

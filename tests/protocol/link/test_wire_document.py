@@ -190,7 +190,7 @@ def test_the_reasons_of_refusals_are_numbered_as_in_the_code():
 
 def test_figures_in_the_text_are_those_of_the_code():
     text = " ".join(PAGE.split())
-    assert f"more than {HISTORY} ticks ago" in text
+    assert f"{HISTORY} or more ticks ago" in text
     assert f"{GRACE_TICKS} ticks later in real time" in text
     assert f"after {EmulatorConfig().misses_to_stop} consecutive misses" in text
     assert f"listens on `{EmulatorConfig().link.listen[0]}` only" in text

@@ -75,6 +75,7 @@ ELSEWHERE = {
     ),
     "view": "tests/system/view: it runs until it is stopped",
     "new": "tests/tools/new",
+    "service install": "tests/tools/services/units/test_units.py: what it writes are files",
     "priorities": "tests/system/runs/test_live_changes.py",
 }
 LIVE: dict[str, tuple[object, ...]] = {
