@@ -25,6 +25,7 @@ from hoap3.protocol.runtime.numba_jit import warm_up
 from hoap3.protocol.runtime.realtime import prepare_process
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.secure.credentials import read_credentials
+from hoap3.protocol.secure.refusals import why_refused
 from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config_exchange import is_config, own_config
@@ -277,8 +278,18 @@ class Service:
         """Report what is waited for, and which robots there are instead."""
         if "waiting" in self._told:
             return
-        text, others = f"waiting for robot {robot!r} at {endpoints}", others_here(robot)
+        text = f"waiting for robot {robot!r} at {endpoints}{self._why_refused(robot)}"
+        others = others_here(robot)
         self._tell_once("waiting", Routine(f"{text}; {others}" if others else text))
+
+    def _why_refused(self, robot: str) -> str:
+        """With a certificate, what a handshake tells; "" without one."""
+        link = self._config.link
+        if link.secure is None or not link.connect:
+            return ""
+        ours = read_credentials(link.secure)
+        why = why_refused(link.connect[0], ours, robot)
+        return f": {why}; its access.yaml must list {ours.name!r} as {ours.role}"
 
     def _tell_once(self, what: str, text: str) -> None:
         """Report something, unless the like was reported since the robot was last followed."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.certificates.laboratory import laboratory
 from support.command_bench import (
     PATIENT,
     QUIET,
@@ -205,6 +206,19 @@ def assert_nothing_jumps(log: Log) -> None:
     braking = np.abs(jump[mode == State.STOPPING])
     assert (braking <= description.brake_acceleration * description.period_s * (1 + 1e-6)).all()
     assert not rate[(mode == State.STOPPED) | (mode == State.IDLE)].any()
+
+
+@pytest.mark.slow
+def test_a_controller_that_a_robot_does_not_list_says_so_while_it_waits(tmp_path: Path) -> None:
+    at = endpoint().replace("tcp/", "tls/")
+    laboratory(tmp_path, "hoap3")
+    (tmp_path / "hoap3" / "access.yaml").write_text("controllers: []\n", encoding="utf-8")
+    with (
+        emulator("hoap3", *QUIET, "--secure", tmp_path / "hoap3", at=at),
+        controller("qp12", *QUIET, "--secure", tmp_path / "qp", at=at) as law,
+    ):
+        law.hear(r"waiting for robot 'hoap3'.*access\.yaml must list 'qp' as controller")
+        assert law.end(signal.SIGTERM) == 0
 
 
 @pytest.mark.slow
