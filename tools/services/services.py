@@ -147,6 +147,7 @@ def run_folder(
     if not log.record:
         return None
     folder = out or new_name(Path(log.directory))
+    _prune(log, folder)  # before anything new needs room
     try:
         if folder.suffix == LOG_SUFFIX:
             raise NotADirectoryError(errno.ENOTDIR, "is the name of a log, not of its folder")
@@ -164,16 +165,20 @@ def run_folder(
             error.strerror or "cannot be made",
             "Name a new folder that can be written, or set log.record=false",
         ) from error
+    return folder
+
+
+def _prune(log: LogSettings, spare: Path) -> None:
+    """Delete old runs, as far as the settings say so."""
     pruned = prune(
         Path(log.directory),
         now=time.time(),
         keep_days=log.keep_days,
         keep_mb=log.keep_mb,
-        spare=folder,
+        spare=spare,
     )
     if str(pruned):
         to_people(f"{log.directory}: {pruned}")
-    return folder
 
 
 def observer_for(

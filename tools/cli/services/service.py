@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from hoap3.tools.cli.options import AsJson, finite
+from hoap3.tools.cli.options import AsJson, Secure, finite
 from hoap3.tools.show.output import print_json, print_line, print_note
 
 service_app = typer.Typer(no_args_is_help=True, help="Run emulator and controller by systemd.")
@@ -55,6 +55,7 @@ def install(
             "default: 2 of an emulator, 15 of a controller.",
         ),
     ] = None,
+    secure: Secure = None,
     as_json: AsJson = False,
 ) -> None:
     """Write the systemd unit of an emulator or a controller, and say how to start it."""
@@ -67,6 +68,7 @@ def install(
         user=user,
         of_user=of_user,
         watchdog_s=watchdog,
+        secure=secure,
     )
     if as_json:
         print_json(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
@@ -9,8 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError, UsageError
+from hoap3.protocol.secure.credentials import KEY_FILE
+from hoap3.protocol.secure.profile import profile
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.atomic_write import whole_file
 from hoap3.tools.services.services import controller_config, emulator_config
 from hoap3.tools.services.units.unit import MARK, Unit
@@ -49,6 +53,7 @@ def install(
     user: str | None = None,
     of_user: bool = False,
     watchdog_s: float | None = None,
+    secure: str | None = None,
 ) -> Installed:
     """Write the unit of an emulator or a controller.
 
@@ -61,12 +66,16 @@ def install(
         user: whom the service runs as; default: a user that systemd makes.
         of_user: write it for this user's own systemd.
         watchdog_s: time without a sign of life [s]; default: `WATCHDOG_S`.
+        secure: folder of its certificate; the same as `link.secure`.
 
     Raises:
         UsageError: a setting would be refused at the start, a name will not do, another file has
             the unit's name, or the folder cannot be written.
     """
+    if secure is not None:
+        overrides = [*overrides, f"link.secure={json.dumps(str(Path(secure).absolute()))}"]
     settings, file = _settings(side, config, overrides)
+    certificate = _checked_certificate(settings, file, user=user, of_user=of_user)
     watchdog_s = WATCHDOG_S[side] if watchdog_s is None else watchdog_s
     if not WATCHDOG_S[side] <= watchdog_s <= LONGEST_WATCHDOG_S:
         least = WATCHDOG_S[side]
@@ -91,7 +100,10 @@ def install(
         watchdog_s=watchdog_s,
         user=user,
         of_user=of_user,
-        reads=(program, Path(sys.executable).resolve(), Path(sys.prefix), Path(file).resolve()),
+        reads=(
+            *(program, Path(sys.executable).resolve(), Path(sys.prefix), Path(file).resolve()),
+            *([certificate] if certificate else []),
+        ),
     )
     path = (out or _folder(of_user=of_user)) / f"{name}.service"
     _write(path, unit.text)
@@ -107,6 +119,30 @@ def _settings(
     """What the service will read, checked as at its start, and where that stands."""
     read = emulator_config if side == "emulator" else controller_config
     return read(config, overrides)
+
+
+def _checked_certificate(
+    settings: EmulatorConfig | ControllerConfig, file: str, *, user: str | None, of_user: bool
+) -> Path | None:
+    """The folder of the service's certificate, which it can use; None without one.
+
+    Raises:
+        ConfigError: it cannot, or the folder could not be found or read by the service.
+    """
+    link = settings.link
+    if link.secure is None:
+        return None
+    folder = Path(link.secure)
+    if not folder.is_absolute():
+        remedy = "Give --secure DIR, or the whole path"
+        raise ConfigError(file, "link.secure", link.secure, "is found from here alone", remedy)
+    is_robot = isinstance(settings, EmulatorConfig)
+    robot = describe(settings, file).name if isinstance(settings, EmulatorConfig) else ""
+    profile(link.secure, robot, link.listen if is_robot else (), () if is_robot else link.connect)
+    if user is None and not of_user:
+        problem = f"is missing: a user that systemd makes cannot read {folder / KEY_FILE}"
+        raise ConfigError("--as", "", None, problem, "Name the owner of that file: --as USER")
+    return folder
 
 
 def _program() -> Path:

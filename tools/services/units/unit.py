@@ -87,7 +87,7 @@ class Unit:
     def _unit(self) -> str:
         lines = [f"Description={_plain(self.description)}", "StartLimitIntervalSec=0"]
         if not self.of_user:  # a user's systemd has no such target
-            lines += ["After=network-online.target", "Wants=network-online.target"]
+            lines += ["After=network-online.target time-sync.target", "Wants=network-online.target"]
         return _section("Unit", lines)
 
     @property

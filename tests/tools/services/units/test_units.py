@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.certificates.laboratory import laboratory
 from support.command_bench import inside
 
 from hoap3.protocol.errors import ConfigError, UsageError
@@ -111,6 +112,26 @@ def test_what_would_not_run_is_refused_before_anything_is_written(
     assert done.code == 2
     assert what in done.stderr
     assert not (tmp_path / "units").exists()
+
+
+def test_a_service_with_a_certificate_is_checked_and_finds_it_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laboratory(tmp_path / "certs", "hoap3")
+    monkeypatch.chdir(tmp_path)
+    given = {"out": tmp_path / "units", "user": "robots"}
+    for side, who in (("emulator", "hoap3"), ("controller", "qp")):
+        path = install(side, SIDES[side], [], secure=f"certs/{who}", **given).path
+        assert f'link.secure=\\"{tmp_path}/certs/{who}\\"' in path.read_text()
+    with pytest.raises(ConfigError, match="--as"):  # whom systemd makes cannot read the key
+        install("emulator", "hoap3", [], secure="certs/hoap3", out=tmp_path)
+    with pytest.raises(ConfigError, match="is of role controller"):
+        install("emulator", "hoap3", [], secure="certs/qp", **given)
+    with pytest.raises(ConfigError, match=r"link\.secure"):
+        install("emulator", "hoap3", ["link.secure=certs/hoap3"], **given)
+    (tmp_path / "certs" / "hoap3" / "key.pem").unlink()
+    with pytest.raises(ConfigError, match=r"key\.pem"):
+        install("emulator", "hoap3", [], secure="certs/hoap3", **given)
 
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
