@@ -136,7 +136,8 @@ class LinkSettings(Settings):
         defaults = {key: cls.model_fields[key].default for key in ("listen", "connect")}
         content = dict(content)
         for key, places in defaults.items():
-            if tuple(content.get(key, places)) == places:
+            given = content.get(key, places)
+            if isinstance(given, list | tuple) and tuple(given) == places:  # else it is refused
                 content[key] = [over_tls(each) for each in places]
         return content
 

@@ -7,6 +7,7 @@ setpoints of all but the holder from the robot, whatever epoch they state.
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -45,8 +46,9 @@ class Guard:
         self._file = self._directory / ACCESS_FILE
         self._stamp = self._stamped()
         self._roles: Mapping[str, Role] = read_access(self._directory).roles
-        self._known = frozenset(self._roles)  # whom Zenoh's rules know
-        self._holder = ""  # who was granted authority last
+        self._known = dict(self._roles)  # what Zenoh's rules allow, for as long as we run
+        self._holder = self._holder_name = ""  # who was granted authority last, and its certificate
+        self._told = ""  # the trouble that was reported last
         self._refused = self._not_holder = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="access", daemon=True)
@@ -66,8 +68,8 @@ class Guard:
         return {"not_holder": self._not_holder, "no_right": self._refused}
 
     def follows(self, who: str) -> bool:
-        """Whether setpoints on the key of `who` count: only the holder's do."""
-        if who and who == self._holder:
+        """Whether setpoints on the key of `who` count: the holder's, while it is on the list."""
+        if who and who == self._holder and self._holder_name in self._roles:
             return True
         self._not_holder += 1
         return False
@@ -95,34 +97,49 @@ class Guard:
 
         def answer(content: dict[str, Any] | bytes) -> None:
             if isinstance(content, dict) and content.get("granted"):
-                self._holder = request.who
+                self._holder, self._holder_name = request.who, request.who.partition(".")[0]
             request.answer(content)
 
         return answer
 
     def _watch(self) -> None:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not as urgent as the loop
         while not self._closing.wait(LOOK_S):
-            stamp = self._stamped()
-            if stamp != self._stamp:
-                self._stamp = stamp
-                self._read_again()
-            self._close_strangers()
+            try:
+                self._look()
+            except (ConfigError, OSError, zenoh.ZError) as error:  # also for want of descriptors
+                self._tell_trouble(f"{error}. Whom it let in before is let in still")
+            else:
+                self._told = ""
 
-    def _read_again(self) -> None:
-        """Take the list as it is now; one that is wrong lets in whom it did before."""
-        try:
-            roles = read_access(self._directory).roles
-        except ConfigError as error:
-            self._report(f"{error}. Whom it let in before is let in still")
-            return
-        gone, new = self._roles.keys() - roles.keys(), roles.keys() - self._known
-        changed = {name for name, role in roles.items() if self._roles.get(name, role) != role}
-        self._roles = {name: role for name, role in roles.items() if name in self._known - changed}
-        if gone | changed:
-            self._report(f"lets in no longer: {', '.join(sorted(gone | changed))}")
-        if new | changed:
-            names = ", ".join(sorted(new | changed))
+    def _look(self) -> None:
+        """Take the list where it has changed, and close whoever is not on it.
+
+        Raises:
+            ConfigError: it is wrong, or cannot be read now.
+            OSError, zenoh.ZError: connections cannot be looked at now.
+        """
+        stamp = self._stamped()
+        if stamp != self._stamp:
+            self._take(read_access(self._directory).roles)
+            self._stamp = stamp
+        self._close_strangers()
+
+    def _take(self, roles: Mapping[str, Role]) -> None:
+        """Let in whom the list names, in the role that Zenoh's rules know."""
+        before = self._roles
+        self._roles = {n: role for n, role in roles.items() if self._known.get(n) == role}
+        gone, later = before.keys() - self._roles.keys(), roles.keys() - self._roles.keys()
+        if gone:
+            self._report(f"lets in no longer: {', '.join(sorted(gone))}")
+        if later:
+            names = ", ".join(sorted(later))
             self._report(f"lets in {names} when it starts again, not before")
+
+    def _tell_trouble(self, text: str) -> None:
+        if text != self._told:
+            self._told = text
+            self._report(text)
 
     def _close_strangers(self) -> None:
         """Close the connections of names that are not on the list."""
@@ -130,10 +147,10 @@ class Guard:
             if link.auth_identifier not in self._roles:
                 shut_down(str(link.dst))
 
-    def _stamped(self) -> tuple[int, int]:
+    def _stamped(self) -> tuple[int, ...]:
         """What changes where the list is written."""
         try:
             status = self._file.stat()
         except OSError:
-            return 0, 0
-        return status.st_mtime_ns, status.st_ino
+            return ()
+        return status.st_mtime_ns, status.st_ctime_ns, status.st_ino, status.st_size

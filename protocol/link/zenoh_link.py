@@ -47,6 +47,7 @@ BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
 CONTROL = frozenset({"about", "acquire", "change", "release", "show", "tasks"})
 """What a controller can be asked."""
+REFUSED_AT_ONCE = 4  # requests of those without the right; the rest waits for the next tick
 LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
@@ -148,7 +149,8 @@ class ZenohRobotLink:
         """
         if self._local is not None:
             yield from self._local.requests()
-        while True:
+        refused = 0
+        while refused < REFUSED_AT_ONCE:
             if self._query is None:
                 self._query = None if self._answers.full() else self._queries.try_recv()
             for who in self._clients.vanished():
@@ -160,6 +162,7 @@ class ZenohRobotLink:
             if self._guard is not None:
                 admitted = self._guard.admitted(request)
                 if admitted is None:
+                    refused += 1
                     continue
                 request = admitted
             if request.version == OLDEST:

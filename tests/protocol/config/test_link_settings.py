@@ -60,3 +60,9 @@ def test_with_certificates_the_default_place_is_over_tls(model):
 def test_plain_and_certificates_do_not_mix(link, said):
     with pytest.raises(ConfigError, match=said):
         parse(EmulatorLink, link, "x.yaml")
+
+
+@pytest.mark.parametrize("places", [7447, None, "tls/127.0.0.1:7447"])
+def test_endpoints_that_are_no_list_are_refused_with_a_certificate_too(places):
+    with pytest.raises(ConfigError, match="connect"):
+        parse(ControllerLink, {"secure": "certs/qp", "connect": places}, "here")

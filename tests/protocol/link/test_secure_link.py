@@ -8,15 +8,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 from loopback import Network, eventually, free_endpoint, known, next_state
 from support.certificates.laboratory import PEOPLE, client, laboratory
 from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.zenoh_guard import Guard
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.link.zenoh_session import (
     ask,
@@ -305,6 +309,41 @@ def test_who_is_revoked_goes_at_once_and_the_others_stay(own_certs, network):
     assert "rival" in certified_peers(session)
     assert b'"granted": true' not in scene.asked(scene.holder, "acquire")
     assert b'"granted": true' in scene.asked(scene.rival, "acquire")
+
+
+def test_another_role_counts_from_the_next_start_on_however_often_the_list_is_written(own_certs):
+    """Until then Zenoh's rules are those of the old one."""
+    file, said, answers = own_certs / "arm" / "access.yaml", [], []
+    links = SimpleNamespace(info=SimpleNamespace(links=list))
+    guard = Guard(links, str(file.parent), said.append)
+
+    def asks(verb):
+        return guard.admitted(Request(verb, "anna.1", answers.append)) is not None
+
+    assert asks("stop")
+    listed = yaml.safe_load(file.read_text())
+    for others in ([], ["new"]):
+        changed = {**listed, "operators": [], "observers": ["anna", *others]}
+        file.write_text(yaml.safe_dump(changed))
+        guard._look()
+        assert not asks("stop")
+        assert not asks("status")
+    file.write_text(yaml.safe_dump(listed))
+    guard._look()
+    assert asks("stop")
+    assert "anna" in said[0]
+
+
+def test_setpoints_of_a_holder_that_was_revoked_count_no_more(own_certs):
+    links = SimpleNamespace(info=SimpleNamespace(links=list))
+    guard = Guard(links, str(own_certs / "arm"), lambda _: None)
+    admitted = guard.admitted(Request("acquire", "qp.1", lambda _: None))
+    admitted.answer({"granted": True})
+    assert guard.follows("qp.1")
+    assert not guard.follows("qp.2")
+    revoke(own_certs, "qp")
+    guard._look()
+    assert not guard.follows("qp.1")
 
 
 def test_a_list_that_is_wrong_changes_nothing(own_certs, network):
