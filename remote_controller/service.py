@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import secrets
 import socket
 import threading
 import time
@@ -13,7 +14,14 @@ from typing import Any
 
 from hoap3.protocol.answers import GrantAnswer, Status, parse_answer, parse_description
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
+from hoap3.protocol.errors import (
+    AuthorityError,
+    Hoap3Error,
+    LinkError,
+    PortInUseError,
+    UsageError,
+    WireError,
+)
 from hoap3.protocol.link.base import Request
 from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.local_control import others_here
@@ -159,11 +167,10 @@ class Service:
         self._session_id: int | None = None
         self._clock: Clock = MonotonicClock()
         name = config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
-        self._name = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
+        own = f"{os.getpid()}-{secrets.token_hex(3)}"  # in each container there is a process 1
+        self._name = f"{name[:20]}-{own}-{socket.gethostname()[:20]}".replace("/", "-")
         if config.link.secure is not None:
-            self._name = read_credentials(config.link.secure).session_name(
-                f"{name[:12]}-{os.getpid()}"
-            )
+            self._name = read_credentials(config.link.secure).session_name(f"{name[:12]}-{own}")
         self._names: deque[str] = deque(maxlen=KNOWN_NAMES)  # of our sessions
         self._link: Link | None = None
         self._stopping = threading.Event()
@@ -287,8 +294,11 @@ class Service:
         link = self._config.link
         if link.secure is None or not link.connect:
             return ""
-        ours = read_credentials(link.secure)
-        why = why_refused(link.connect[0], ours, robot)
+        try:
+            ours = read_credentials(link.secure)
+            why = why_refused(link.connect[0], ours, robot)
+        except (Hoap3Error, OSError) as error:  # it may be renewed at this moment
+            return f": {error}"
         return f": {why}; its access.yaml must list {ours.name!r} as {ours.role}"
 
     def _tell_once(self, what: str, text: str) -> None:
