@@ -4,19 +4,48 @@ from __future__ import annotations
 
 import fcntl
 import os
+import time
 from pathlib import Path
+
+TRIES, PAUSE_S = 20, 0.002
 
 
 def lock_shared(fd: int) -> None:
-    """Show others that a log is being written, where its file system knows locks."""
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return  # `is_locked` takes that for a lock
+    """Show others that a log is being written, where its file system knows locks.
+
+    Who looks holds the lock for a moment, so that it is tried some times.
+    """
+    for _ in range(TRIES):
+        try:
+            fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(PAUSE_S)
+        except OSError:
+            return  # `is_locked` takes that for a lock
+        else:
+            return
+
+
+class LockedFolder:
+    """A folder that somebody writes logs into, between two of them, too."""
+
+    def __init__(self, folder: Path) -> None:
+        try:
+            self._fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        except OSError:
+            self._fd = -1  # the lock of each log has to do
+        else:
+            lock_shared(self._fd)
+
+    def free(self) -> None:
+        """Write there no more; twice does no harm."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
 
 
 def is_locked(log: Path) -> bool:
-    """Whether somebody writes a file, or may do so: locks are not known everywhere."""
+    """Whether somebody writes a log, or into a folder; where locks are not known, yes."""
     try:
         fd = os.open(log, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:

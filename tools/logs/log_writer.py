@@ -21,6 +21,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, WireError
 from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.file_lock import LockedFolder
 from hoap3.tools.logs.log_format import (
     CHANNELS,
     FORMAT,
@@ -119,6 +120,7 @@ class LogWriter:
         self._added = 0
         self._closed = False
         self._file = self._begin_file()
+        self._folder = LockedFolder(path.parent)
 
     @property
     def paths(self) -> list[Path]:
@@ -161,7 +163,10 @@ class LogWriter:
         """Finish the file at hand. Once is enough, twice does no harm."""
         if not self._closed:
             self._closed = True
-            self._finish_file(continues=False)
+            try:
+                self._finish_file(continues=False)
+            finally:
+                self._folder.free()
 
     def abandon(self) -> None:
         """Leave the file at hand cut off as it is, after a write that failed; for `close`."""
@@ -169,6 +174,7 @@ class LogWriter:
             self._closed = True
             self._sizes[self._file.path] = self._file.size
             self._file.abandon()
+            self._folder.free()
 
     def __enter__(self) -> Self:
         return self

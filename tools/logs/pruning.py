@@ -35,7 +35,7 @@ class Run:
     @property
     def in_use(self) -> bool:
         """Whether somebody writes one of them, or may do so: locks are not known everywhere."""
-        return any(map(is_locked, self.logs))
+        return any(map(is_locked, (self.folder, *self.logs)))
 
     def delete(self) -> None:
         """Delete them, and the folder where nothing else is in it.

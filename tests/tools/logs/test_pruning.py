@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support.log_samples import describe, inputs, ticks, write
 
 from hoap3.protocol.config.settings import LogSettings
-from hoap3.tools.logs.file_lock import is_locked
+from hoap3.tools.logs.file_lock import LockedFolder, is_locked
 from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.logs.pruning import DAY_S, prune
 from hoap3.tools.services.services import run_folder
@@ -118,6 +118,14 @@ def test_a_log_that_is_being_written_stays_until_its_writer_is_gone(tmp_path: Pa
     assert prune(tmp_path, now=later, keep_days=1).runs == []
     writer.close()
     assert prune(tmp_path, now=later, keep_days=1).runs == [folder]
+
+
+def test_between_two_files_of_a_log_its_folder_is_locked(tmp_path: Path) -> None:
+    held = LockedFolder(tmp_path)
+    assert is_locked(tmp_path)
+    held.free()
+    held.free()
+    assert not is_locked(tmp_path)
 
 
 def test_a_killed_writer_locks_nothing(tmp_path: Path) -> None:
