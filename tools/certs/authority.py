@@ -190,7 +190,8 @@ def _list_in_robots(folder: Path, register: Register, entry: Entry) -> list[Path
         return [file]
     changed = []
     for file, access in _robots(folder, register):
-        _write(file, access.with_name(entry.name, entry.role).to_yaml().encode())
+        others = access.without(entry.name)  # it may stand there by hand
+        _write(file, others.with_name(entry.name, entry.role).to_yaml().encode())
         changed.append(file)
     return changed
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.005
 LIVE_S = 0.25
+PING_S = 0.05  # between two looks at the loop for systemd
 DRAIN_S = 30.0  # for what is left to be written at the end
 END_S = 5.0  # for the end of a process that has nothing left to do
 REPAIR = "`hoap3 record --repair` mends what there is"
@@ -165,10 +166,12 @@ def main() -> int:
     parent, order = Lifeline(), read_order()
     ring = Ring(order["fd"])
     keeper = _LogKeeper(order, ring)
-    watchdog = None
+    watchdog, pinging = None, threading.Event()
     if order["notify"]:
         settings = NotifySettings(**order["notify"])
         watchdog = Watchdog(settings, lambda: ring.beats, time.monotonic)
+        ping = threading.Thread(target=_ping, args=(watchdog, pinging), daemon=True)
+        ping.start()
     due = time.monotonic() + LIVE_S
     while True:
         ended = ring.closed or parent.cut()  # asked before the last reading
@@ -177,8 +180,6 @@ def main() -> int:
         keeper.look_for_stalls()
         if ended:
             break
-        if watchdog is not None:
-            watchdog.look()
         now = time.monotonic()
         if now >= due:
             due = now + LIVE_S
@@ -187,9 +188,17 @@ def main() -> int:
                 watchdog.tell(status)
         time.sleep(POLL_S)
     if watchdog is not None:
+        pinging.set()
+        ping.join()
         watchdog.stopping()
     keeper.end(ring.dropped)
     return 0
+
+
+def _ping(watchdog: Watchdog, ended: threading.Event) -> None:
+    """Look after the loop in a thread of its own, which no disk and no terminal holds up."""
+    while not ended.wait(PING_S):
+        watchdog.look()
 
 
 class _LogKeeper:
@@ -258,8 +267,8 @@ class _LogKeeper:
         host, port = order["metrics"]["host"], order["metrics"]["port"]
         try:
             server = MetricsServer(self._metrics, host, port)
-        except OSError as error:
-            why = error.strerror or str(error)
+        except (OSError, UnicodeError) as error:  # a host that is no name
+            why = getattr(error, "strerror", None) or str(error)
             self._tell_service({"unserved": f"{why} ({host}, port {port})"})
             return
         who = "; whoever reaches that address sees them" if seen_from_outside(host) else ""

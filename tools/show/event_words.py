@@ -9,6 +9,7 @@ from hoap3.protocol.messages import Event
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 
 _CONSTANTS = Event.schema.constants
+MOST_ERRNO = 4096  # anybody may publish an event with another detail
 _NAMES = {
     value: name.lower().replace("_", " ")
     for name, value in _CONSTANTS.items()
@@ -93,7 +94,7 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
         return named(joints, detail, "joint")
     if kind == _CONSTANTS["LOG_LOST"]:
         return (
-            os.strerror(detail) if detail > 0 else "its observer ended"
+            os.strerror(detail) if 0 < detail < MOST_ERRNO else "its observer ended"
         ) + "; it goes on without"
     if kind == _CONSTANTS["HOST_STALL"]:
         return f"{detail / 1e6:.3g} ms"

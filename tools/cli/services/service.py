@@ -52,7 +52,7 @@ def install(
         typer.Option(
             callback=finite,
             help="Seconds without a sign of life of its loop after which it is restarted; "
-            "default: 2 of an emulator, 15 of a controller.",
+            "default: 10 of an emulator, 30 of a controller.",
         ),
     ] = None,
     secure: Secure = None,

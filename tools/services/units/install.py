@@ -20,9 +20,11 @@ from hoap3.tools.services.services import controller_config, emulator_config
 from hoap3.tools.services.units.unit import MARK, Unit
 
 SYSTEM = Path("/etc/systemd/system")
-WATCHDOG_S = {"emulator": 2.0, "controller": 15.0}
-"""Beyond what a loop that is well may take between two signs of life: a robot ticks, also at rest;
-a controller that waits for its robot asks again after 3 s, and answers of a robot may take 2 s."""
+WATCHDOG_S = {"emulator": 10.0, "controller": 30.0}
+LEAST_WATCHDOG_S = {"emulator": 2.0, "controller": 15.0}
+"""What a loop that is well may take between two signs of life: a robot ticks, also at rest; a
+controller that waits for its robot asks again after 3 s, and answers of a robot may take 2 s. By
+default it is more: an observer has no urgency, and on a busy machine it may not run for seconds."""
 LONGEST_WATCHDOG_S = 3600.0
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _USER = re.compile(r"[a-z_][a-z0-9_-]{0,31}")
@@ -77,8 +79,8 @@ def install(
     settings, file = _settings(side, config, overrides)
     certificate = _checked_certificate(settings, file, user=user, of_user=of_user)
     watchdog_s = WATCHDOG_S[side] if watchdog_s is None else watchdog_s
-    if not WATCHDOG_S[side] <= watchdog_s <= LONGEST_WATCHDOG_S:
-        least = WATCHDOG_S[side]
+    least = LEAST_WATCHDOG_S[side]
+    if not least <= watchdog_s <= LONGEST_WATCHDOG_S:
         remedy = f"Give {least:g} to {LONGEST_WATCHDOG_S:g} s, a healthy loop may take that"
         raise ConfigError("--watchdog", "", watchdog_s, "is no time for this service", remedy)
     if user is not None and (of_user or not _USER.fullmatch(user)):
@@ -138,7 +140,11 @@ def _checked_certificate(
         raise ConfigError(file, "link.secure", link.secure, "is found from here alone", remedy)
     is_robot = isinstance(settings, EmulatorConfig)
     robot = describe(settings, file).name if isinstance(settings, EmulatorConfig) else ""
-    profile(link.secure, robot, link.listen if is_robot else (), () if is_robot else link.connect)
+    places = (link.listen, ()) if is_robot else ((), link.connect)
+    role = profile(link.secure, robot, *places).credentials.role
+    if not is_robot and role != "controller":
+        remedy = "Issue one: `hoap3 certs issue NAME --role controller`"
+        raise ConfigError("--secure", "", str(folder), f"is of role {role}", remedy)
     if user is None and not of_user:
         problem = f"is missing: a user that systemd makes cannot read {folder / KEY_FILE}"
         raise ConfigError("--as", "", None, problem, "Name the owner of that file: --as USER")

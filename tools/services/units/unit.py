@@ -11,7 +11,7 @@ from hoap3.protocol import __version__
 MARK = "# Written by `hoap3 service install`"
 START_S = 600  # the first start on a machine compiles the kernels
 STOP_S = 90  # the robot brakes, and the observer writes what is left
-RESTART_S = 1
+RESTART_S = 5  # whatever ended it: a port or a disk may be free, a clock right by then
 HOMES = (Path("/home"), Path("/root"))
 
 HARDENING = """\
@@ -103,7 +103,6 @@ class Unit:
             "KillMode=mixed",  # SIGTERM is for the service: its observer ends after it
             "Restart=on-failure",
             f"RestartSec={RESTART_S}",
-            "RestartPreventExitStatus=2",  # settings that are refused
             f"StateDirectory={self.name}",
             f"CacheDirectory={self.name}",
             f"RuntimeDirectory={self.name}",
