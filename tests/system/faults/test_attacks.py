@@ -34,6 +34,7 @@ from hoap3.tools.certs.authority import issue
 
 PATIENCE_S = 10.0
 HOLDER = "qp.1"
+VICTIMS = 5
 TRIES = 20  # of what needs the robot to have heard of something before
 
 
@@ -197,13 +198,16 @@ def feigns_descriptions(scene: Scene) -> bool:
         foe.declare_queryable(key("arm", "ask/**"), feign)
         scene.during(ask, foe, "arm", "status", session_name(settings, "2"))
     expression = key("arm", f"ask/description/{session_name(scene.tool, 'tool')}")
-    victim = scene.keep(open_session(scene.tool, "arm"))
 
-    def answers() -> list[bytes]:
+    def answers(victim: Any) -> list[bytes]:
         replies = list(victim.get(expression, timeout=2.0))
         return [reply.ok.payload.to_bytes() for reply in replies if reply.ok]
 
-    return any(b"feigned" in scene.during(answers) for _ in range(TRIES))
+    for _ in range(VICTIMS):  # the robot's own answer may be the first
+        victim = scene.keep(open_session(scene.tool, "arm"))
+        if any(b"feigned" in scene.during(answers, victim) for _ in range(TRIES)):
+            return True
+    return False
 
 
 def feigns_presence(scene: Scene) -> bool:

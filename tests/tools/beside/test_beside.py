@@ -64,7 +64,7 @@ def test_what_dies_beside_the_robot_is_no_race(tmp_path, monkeypatch):
         race("dies", {}, 2, 0.5, lambda *_: None, realtime=False)
 
 
-@pytest.mark.slow
+@pytest.mark.long  # a busy robot stops before anybody steers
 def test_clients_steer_and_look_in_every_other_run():
     words = "--count", 3, "--rate", 50, "--pairs", 2, "--seconds", 6, "--json"
     done = hoap3("bench", "clients", *words, "--no-realtime")

@@ -145,6 +145,7 @@ def test_ros2_sees_the_joints_of_the_robot(at: str) -> None:
         command.assert_no_orphan()
 
 
+@pytest.mark.long  # it needs the machine for itself
 def test_a_robot_that_is_killed_and_starts_again_is_seen_again() -> None:
     place = endpoint()
     with bridge(place) as port, FoxgloveClient(port) as client:
