@@ -170,13 +170,6 @@ class Findings:
         assert self.outcomes["taken"] < count or count < FEW
 
 
-@pytest.fixture
-def findings(tmp_path: Path) -> Iterator[Findings]:
-    """A note of findings, within bounds of memory."""
-    with bounded():
-        yield Findings(tmp_path)
-
-
 def corpus(folder: str, *, ending: str = "") -> list[bytes]:
     """The files of a part of the corpus, in the order of their names."""
     found = sorted((CORPUS / folder).glob(f"*{ending}"))

@@ -19,7 +19,6 @@ from fuzzing import (
     amount,
     bounded,
     corpus,
-    findings,  # noqa: F401 - a fixture
     mutate_bytes,
 )
 from wire_mutations import REALS
@@ -62,7 +61,7 @@ def test_a_frame_says_what_its_doubles_say_or_nothing(slots: int, count: int) ->
 @amount(300)
 def test_a_beginning_is_a_number_of_exchanges_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     draw = random.Random(count)
 

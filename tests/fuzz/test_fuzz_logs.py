@@ -20,7 +20,6 @@ from fuzzing import (
     NUMBERS,
     Findings,
     amount,
-    findings,  # noqa: F401 - a fixture
     mutate_bytes,
     mutate_text,
     mutate_tree,
@@ -219,7 +218,7 @@ CASES = [
 def test_a_damaged_log_is_read_as_far_as_may_be_or_refused(
     reader: str,
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     draw, path = random.Random(f"{reader} {count}"), tmp_path / "damaged.mcap"
@@ -237,7 +236,7 @@ def test_a_damaged_log_is_read_as_far_as_may_be_or_refused(
 @amount(30, 1100)
 def test_a_damaged_file_is_scanned_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     draw, path = random.Random(count), tmp_path / "damaged.mcap"
@@ -253,7 +252,7 @@ def test_a_damaged_file_is_scanned_or_refused(
 
 @pytest.mark.long
 def test_the_report_of_a_damaged_log_is_drawn_or_refused(
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     """A drawing alone takes a second or two."""

@@ -17,7 +17,6 @@ from fuzzing import (
     Findings,
     amount,
     corpus,
-    findings,  # noqa: F401 - a fixture
     mutate_bytes,
     mutate_tree,
 )
@@ -154,7 +153,7 @@ class Hand:
 @amount(300)
 def test_every_word_of_a_page_is_done_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(page_module, "MOST_WRONG", 1 << 40)

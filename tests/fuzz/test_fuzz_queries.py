@@ -12,7 +12,6 @@ from fuzzing import (
     Findings,
     amount,
     corpus,
-    findings,  # noqa: F401 - a fixture
     mutate_bytes,
     mutate_tree,
 )
@@ -79,7 +78,7 @@ def body_of(draw: random.Random, tree: Any) -> bytes:
 @amount(80)
 def test_a_robot_answers_every_query(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     draw, bench = random.Random(count), Bench(grace=2)
     whos = ["a", "b", "test"]
@@ -212,7 +211,7 @@ def shape_of(followed: Followed) -> list[Any]:
 def test_a_controller_answers_every_query_and_goes_on(
     followed: Followed,
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     draw, fitting = random.Random(count), shape_of(followed)
     taken = 0
@@ -241,7 +240,7 @@ def test_a_controller_answers_every_query_and_goes_on(
 def test_a_controller_outlives_every_state(
     followed: Followed,
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     """Anybody may send States in plain mode."""
     draw = random.Random(count)
@@ -254,7 +253,7 @@ def test_a_controller_outlives_every_state(
 @amount(100)
 def test_an_answer_of_a_robot_is_taken_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     draw = random.Random(count)
     status = {"mode": "idle", "holder": None, "session_id": 7, "tick": 3, "lockstep": False}

@@ -12,7 +12,6 @@ from fuzzing import (
     Findings,
     amount,
     corpus,
-    findings,  # noqa: F401 - a fixture
     mutate_bytes,
     mutate_text,
     mutate_tree,
@@ -46,7 +45,7 @@ def mutated(draw: random.Random, data: bytes, others: list[bytes]) -> bytes:
 def test_a_config_is_taken_or_refused(
     side: str,
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     draw, path = random.Random(f"{side} {count}"), tmp_path / "mutated.yaml"
@@ -76,7 +75,7 @@ def test_a_config_is_taken_or_refused(
 )
 def test_a_config_that_is_taken_is_built_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     draw, path = random.Random(count), tmp_path / "mutated.yaml"
@@ -99,7 +98,7 @@ def test_a_config_that_is_taken_is_built_or_refused(
 @amount(40)
 def test_an_override_is_taken_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     draw = random.Random(count)
 

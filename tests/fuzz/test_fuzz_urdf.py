@@ -13,7 +13,6 @@ from fuzzing import (
     Findings,
     amount,
     corpus,
-    findings,  # noqa: F401 - a fixture
     mutate_bytes,
     mutate_text,
     mutate_tree,
@@ -72,7 +71,7 @@ def mutated(draw: random.Random, files: list[bytes]) -> bytes:
 def test_a_urdf_is_taken_or_refused(
     decoder: Callable[[Path], Decoder],
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     draw, decode = random.Random(f"{decoder.__name__} {count}"), decoder(tmp_path)
@@ -87,7 +86,7 @@ def test_a_urdf_is_taken_or_refused(
 @amount(20)
 def test_a_robots_yaml_file_is_taken_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
     tmp_path: Path,
 ) -> None:
     draw, path = random.Random(count), tmp_path / "robot.yaml"
@@ -113,7 +112,7 @@ def test_a_robots_yaml_file_is_taken_or_refused(
 @amount(20)
 def test_a_description_from_the_network_is_taken_or_refused(
     count: int,
-    findings: Findings,  # noqa: F811
+    findings: Findings,
 ) -> None:
     draw, tree = random.Random(count), yaml.safe_load(DESCRIPTION)
 
