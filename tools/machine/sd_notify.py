@@ -51,7 +51,7 @@ class NotifySettings:
 
 
 class Notifier:
-    """Sends what systemd shall know; never waits, and never fails who tells.
+    """Sends what systemd shall know, from any thread; never waits, and never fails who tells.
 
     Args:
         address: as in `NotifySettings`.
@@ -73,9 +73,9 @@ class Notifier:
             self._socket.sendto("\n".join(lines).encode(), self._to)
         except OSError as error:
             self.refused = os.strerror(error.errno) if error.errno else str(error)
-        else:
-            self.refused = ""
-        return not self.refused
+            return False
+        self.refused = ""
+        return True
 
     def close(self) -> None:
         """Nothing is told any more."""
