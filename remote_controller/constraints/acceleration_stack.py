@@ -21,6 +21,7 @@ KERNELS = (
     "hoap3.remote_controller.constraints.limit_kernels",
     "hoap3.remote_controller.constraints.joints.viability_kernels",
     "hoap3.remote_controller.constraints.collision.distance_kernels",
+    "hoap3.remote_controller.constraints.frames.fixed_frame_kernels",
     "hoap3.remote_controller.constraints.collision.distance_curvature_kernels",
 )
 """What a controller that has such a stack names among its `kernels`."""

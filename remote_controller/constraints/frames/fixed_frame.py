@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -53,6 +54,9 @@ class FixedFrame(Constraint):
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
+        from hoap3.remote_controller.constraints.frames.fixed_frame_kernels import kept_rows
+
+        self._kept_rows = kept_rows
         self.check_rate(parameters.eta_per_s)
         self._eta = parameters.eta_per_s
         self._frame = kinematics.frame_id(parameters.frame)
@@ -62,26 +66,19 @@ class FixedFrame(Constraint):
         self.names = tuple(f"{parameters.frame} {AXES[axis]}" for axis in self._axes)
         self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
         self._position_kept, self._rotation_kept = np.zeros(3), np.zeros((3, 3))
-        self._jacobian, self._error = np.zeros((6, self.n)), np.zeros(6)
-        self._turns, self._turned, self._slope = self._jacobian[3:], *np.zeros((2, 3, 3))
-        self._drift = 0.0
+        self._jacobian, self._drift = np.zeros((6, self.n)), 0.0
 
     def update(
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
     ) -> None:
         """Write one equation for each axis."""
-        self._measure(kinematics)
-        self._turns[:] = self._slope @ self._turns
-        A_out[:] = self._jacobian[self._axes]
-        b_out[:] = self._error[self._axes]
-        self._drift = float(np.abs(b_out).max())
-        b_out *= -self._eta
-        self.watch()
+        self._write(kinematics, self._eta, A_out, b_out)
+        self.watch(math.inf)
 
     def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
         """Fit η to the period."""
         self._eta = self.fit_rate(self.parameters, speed, np.full(self.n, np.inf))
-        self._bend, self._rates = np.zeros(6), np.zeros(6)
+        self._bend = np.zeros(6)
 
     def update_accelerations(
         self,
@@ -92,36 +89,35 @@ class FixedFrame(Constraint):
         upper_out: FloatArray,
     ) -> None:
         """Write one equation for each axis."""
-        self._measure(motion.kinematics)
+        self._write(motion.kinematics, self._eta * self._eta, G_out, upper_out)
         motion.frame_drift(self._frame, self._seen_from, self._bend)
-        omega = self._turns @ motion.dq
-        turning = _slope(_cross(omega) @ self._turned)
-        self._bend[3:] = self._slope @ self._bend[3:] + turning @ omega
-        self._turns[:] = self._slope @ self._turns
-        np.dot(self._jacobian, motion.dq, out=self._rates)
-        self._rates *= 2.0 * self._eta
-        self._bend += self._rates
-        G_out[:] = self._jacobian[self._axes]
-        upper_out[:] = self._error[self._axes]
-        self._drift = float(np.abs(upper_out).max())
-        upper_out *= -self._eta * self._eta
-        upper_out -= self._bend[self._axes]
+        turned, omega = self._rotation @ self._rotation_kept.T, self._jacobian[3:] @ motion.dq
+        turning = _slope(_cross(omega) @ turned)
+        self._bend[3:] = _slope(turned) @ self._bend[3:] + turning @ omega
+        upper_out -= 2.0 * self._eta * (G_out @ motion.dq) + self._bend[self._axes]
         lower_out[:] = upper_out
-        self.watch()
+        self.watch(math.inf)
 
-    def _measure(self, kinematics: Kinematics) -> None:
-        """Find e, and of its derivative what turns: ω, and the matrix between ω and ė."""
+    def _write(
+        self, kinematics: Kinematics, rate: float, A_out: FloatArray, b_out: FloatArray
+    ) -> None:
+        """Write ∂e/∂q and −rate·e of the axes."""
         kinematics.frame(
             self._frame, self._seen_from, self._position, self._rotation, self._jacobian
         )
         if not self._started:
             self._position_kept[:], self._rotation_kept[:] = self._position, self._rotation
-        self._turned = turned = self._rotation @ self._rotation_kept.T
-        self._slope = _slope(turned)
-        np.subtract(self._position, self._position_kept, out=self._error[:3])
-        self._error[3] = (turned[2, 1] - turned[1, 2]) / 2
-        self._error[4] = (turned[0, 2] - turned[2, 0]) / 2
-        self._error[5] = (turned[1, 0] - turned[0, 1]) / 2
+        self._drift = self._kept_rows(
+            self._position,
+            self._rotation,
+            self._position_kept,
+            self._rotation_kept,
+            self._jacobian,
+            self._axes,
+            rate,
+            A_out,
+            b_out,
+        )
 
     def drift(self) -> float:
         """Largest |e| of the last update [m or rad]."""

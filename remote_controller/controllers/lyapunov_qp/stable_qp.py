@@ -78,6 +78,7 @@ class StableQpController(VelocityController):
         "hoap3.remote_controller.constraints.limit_kernels",
         "hoap3.remote_controller.constraints.joints.viability_kernels",
         "hoap3.remote_controller.constraints.collision.distance_kernels",
+        "hoap3.remote_controller.constraints.frames.fixed_frame_kernels",
         "hoap3.remote_controller.references.approach_kernels",
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
