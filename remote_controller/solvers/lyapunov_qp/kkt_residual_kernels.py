@@ -117,3 +117,25 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     numbers = max(scale, 1e-6 * max(kappa, largest(multipliers)))
     residual = max(max(worst, broken) / scale, away / numbers)
     return residual if residual <= MAX else math.inf, broken - ROUNDING * span
+
+
+@kernel("f8(f8[::1], f8[::1], f8, f8, f8)")
+def misjudged_kernel(y: Vector, slope: Vector, price: float, fall: float, held: float) -> float:
+    """How far the fall −s·y is from what its price is worth, relative to y.
+
+    Either its limit holds it back, or the price alone stands for its multiplier.
+
+    Args:
+        y: (n,).
+        slope: s, (n,).
+        price: of the fall; negative: of a rise.
+        fall: the limit of −s·y.
+        held: multiplier of the limit.
+    """
+    held *= math.copysign(1.0, fall)  # < 0 where the limit holds
+    short = fall
+    for i in range(y.size):
+        short += slope[i] * y[i]
+    wrong = max(held, min(abs(held), abs(short)))
+    scale = max(largest(y), 1e-6 * abs(price))
+    return wrong / scale if scale > 0.0 else wrong

@@ -342,6 +342,20 @@ def fill_kernel(
     return top, used
 
 
+@kernel("f8(f8[::1], f8[::1])")
+def forced_kernel(least: Vector, most: Vector) -> float:
+    """Fastest speed that a limit asks for [of W u]; 0 or less: y = 0 keeps them all.
+
+    Args:
+        least: of y and the rows.
+        most: likewise.
+    """
+    forced = -math.inf
+    for i in range(least.size):
+        forced = max(forced, least[i], -most[i])
+    return forced
+
+
 @kernel()
 def finish_kernel(
     y: Vector,

@@ -59,6 +59,7 @@ class StableProgram:
             kkt_residual_kernels.residual_kernel,
             row_projection_kernels.across_kernel,
         )
+        self._misjudged = kkt_residual_kernels.misjudged_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
         self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
@@ -141,19 +142,10 @@ class StableProgram:
         price = math.copysign(price, fall)
         solved = self._solve(gamma, tolerance, price, None, True)
         if solved:
-            self.residual = max(self.residual, self._misjudged(price, fall))
+            slope = self._scaled.slope
+            wrong = self._misjudged(self.y, slope, price, fall, self._held)
+            self.residual = max(self.residual, wrong)
         return solved
-
-    def _misjudged(self, price: float, fall: float) -> float:
-        """How far the fall is from what the price is worth, relative.
-
-        Either its limit holds it back, or the price alone stands for its multiplier.
-        """
-        held = self._held * math.copysign(1.0, fall)  # a multiplier, < 0 where the limit holds
-        short = abs(fall + float(self._scaled.slope @ self.y))
-        wrong = max(held, min(abs(held), short))
-        scale = max(float(np.abs(self.y).max()), 1e-6 * abs(price))
-        return wrong / scale if scale > 0.0 else wrong
 
     def _turn(self, target: float) -> Array:
         """Give the solver rows without what is along s, s·y = target; returns their λ, μ."""

@@ -126,6 +126,7 @@ class StableQp:
 
         self._cheap = kernels.try_closed_form
         self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status
+        self._forced_by = kernels.forced_kernel
         self.n, self.m, self.k = n, m, k
         self._kind, gamma = kind_of(objective, gamma)
         self.gamma = gamma
@@ -385,7 +386,7 @@ class StableQp:
         steepest = self._steepest
         least, most, row = steepest.least, steepest.most, self.n + steepest.used
         least[row], most[row] = -NO_BOUND, NO_BOUND
-        return max(float(least.max()), -float(most.min()))
+        return self._forced_by(least, most)
 
     def _give_up(self, why: int) -> None:
         self.status, self.path = (why if why != status.OK else status.UNSOLVED), STILL
