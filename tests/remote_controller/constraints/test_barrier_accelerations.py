@@ -259,9 +259,8 @@ def test_fixed_rows_are_what_the_frame_accelerates_by(name, seed):
     q, dq, ddq = posture(robot, seed + 9), *rng.normal(size=(2, robot.n))
     bench.at(q, dq)
     expected = bench.stack.rows @ ddq - bench.stack.rows_upper
-    errors = []
-    for t in (-1e-4, 0.0, 1e-4):
-        errors.append(-still.at(q + t * dq + 0.5 * t * t * ddq).stack.c)
+    near = [q + t * dq + 0.5 * t * t * ddq for t in (-1e-4, 0.0, 1e-4)]
+    errors = [-still.at(each).stack.c for each in near]
     np.testing.assert_allclose(np.diff(errors, 2, axis=0)[0] / 1e-8, expected, atol=1e-6)
 
 
