@@ -88,6 +88,7 @@ class ZenohRobotLink:
         self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
         self._sampling = Sampling()
+        self._to_show: deque[bytes] = deque(maxlen=1)
         self._session = session = open_session(settings, robot)
         self._guard = Guard(session, settings.secure, report) if settings.secure else None
         try:
@@ -124,12 +125,19 @@ class ZenohRobotLink:
         self._receiver.start()
 
     def publish(self, state: bytes) -> None:
-        """Send a State."""
+        """Send a State.
+
+        Those who only look on get theirs while the robot has nothing to do: once its answer has
+        come, or before the next where none did.
+        """
+        self._show()
         self._state.put(state)
         if self._old_listens and self._old_asks:
             self._old_state.put(downgraded(State, state))
         if self._sampling.takes(state):
-            self._sampled.put(state)
+            self._to_show.append(state)
+            if self._blocking:
+                self._show()
         self._give_way()
 
     def announce(self, event: bytes) -> None:
@@ -192,6 +200,7 @@ class ZenohRobotLink:
 
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
+        self._show()
         self._answers.finish()
         self._clients.finish()
         if self._guard is not None:
@@ -212,8 +221,15 @@ class ZenohRobotLink:
                     continue
                 arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
                 signal()
+                self._show()
         except zenoh.ZError:
             return  # the session was closed
+
+    def _show(self) -> None:
+        """Send what waits to be seen; from either thread, once."""
+        if self._to_show:
+            with contextlib.suppress(IndexError):  # the other thread has it
+                self._sampled.put(self._to_show.popleft())
 
     def _old_listens_now(self, status: zenoh.MatchingStatus) -> None:
         """In a thread of Zenoh's, where the first comes or the last goes."""
