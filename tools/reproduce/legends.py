@@ -110,9 +110,9 @@ def _taken(axes: Any) -> Array:
         found.append(np.stack((corners[:-1], corners[1:]), axis=1))
     for inset in axes.child_axes:
         box = inset.get_tightbbox()
-        found.append(np.array([[box.min, box.max]]))
-        edges = np.array([box.corners()[[0, 1, 3, 2]], box.corners()[[1, 3, 2, 0]]])
-        found.append(edges.transpose(1, 0, 2))
+        heights = np.append(np.arange(box.y0, box.y1, APART), box.y1)
+        left, right = np.full_like(heights, box.x0), np.full_like(heights, box.x1)
+        found.append(np.stack([left, heights, right, heights], axis=1).reshape(-1, 2, 2))
     every = np.concatenate([np.empty((0, 2, 2)), *found])
     return np.asarray(every[np.isfinite(every).all(axis=(1, 2))])
 

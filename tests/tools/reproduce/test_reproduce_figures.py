@@ -134,9 +134,10 @@ def test_where_curves_are_everywhere_the_panel_becomes_higher(style):
     assert axes.get_ylim()[1] > 1.1 * top
 
 
-def test_a_legend_keeps_away_from_what_is_shown_larger():
+@pytest.mark.parametrize("count", [2, 7])
+def test_a_legend_keeps_away_from_what_is_shown_larger(count):
     x = np.linspace(0.0, 1.0, 50)
-    curves = (Curve("a long name of a curve", x, x + 1.0), Curve("another one", x, x + 0.9))
+    curves = [Curve(f"a long name of curve {k}", x, x + 1.0 - 0.1 * k) for k in range(count)]
     zoom = Panel("", "", Axis("x", "x"), Axis("y", "y"), curves, zoom=((0.4, 0.5), (1.3, 1.6)))
     picture = draw(Figure("zoom", "", ((zoom,),), (5.0, 4.0)))
     picture.draw_without_rendering()
