@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, draw, save
+from hoap3.tools.reproduce.papers.qp12 import drawings
 
 pytestmark = pytest.mark.slow
 
@@ -134,12 +135,23 @@ def test_where_curves_are_everywhere_the_panel_becomes_higher(style):
     assert axes.get_ylim()[1] > 1.1 * top
 
 
-@pytest.mark.parametrize("count", [2, 7])
-def test_a_legend_keeps_away_from_what_is_shown_larger(count):
+def over_the_sole() -> Panel:
+    t = np.linspace(0.0, 1.0, 100)
+    paths = {f"γ = {k}": (-8.4 + 18.4 * t, 27.9 - 2.9 * t**k) for k in range(1, 7)}
+    curves = [drawings.sole_outline(), *drawings.lines(paths)]
+    zoom = (-11.0, 13.0), (23.0, 30.0)
+    return drawings.over_the_sole("", "", (-60.0, 60.0), (-42.0, 42.0), curves, zoom)
+
+
+def one_above_the_other() -> Panel:
     x = np.linspace(0.0, 1.0, 50)
-    curves = [Curve(f"a long name of curve {k}", x, x + 1.0 - 0.1 * k) for k in range(count)]
-    zoom = Panel("", "", Axis("x", "x"), Axis("y", "y"), curves, zoom=((0.4, 0.5), (1.3, 1.6)))
-    picture = draw(Figure("zoom", "", ((zoom,),), (5.0, 4.0)))
+    curves = (Curve("a long name of a curve", x, x + 1.0), Curve("another one", x, x + 0.9))
+    return Panel("", "", Axis("x", "x"), Axis("y", "y"), curves, zoom=((0.4, 0.5), (1.3, 1.6)))
+
+
+@pytest.mark.parametrize("panel", [one_above_the_other, over_the_sole])
+def test_a_legend_keeps_away_from_what_is_shown_larger(panel):
+    picture = draw(Figure("zoom", "", ((panel(),),), (5.0, 4.0)))
     picture.draw_without_rendering()
     (axes,) = [each for each in picture.axes if each.get_legend()]
     assert_free(axes)
