@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
+from hoap3.tools.machine.stall_figures import limited
 from hoap3.tools.show.output import results
 from hoap3.tools.show.summary import coloured_verdict, durations_table, known, machine_line
 
@@ -47,6 +48,8 @@ def _verdict(found: dict[str, Any]) -> Table:
             f"{stalls['longest_ms']:.1f} ms; outside them {found['misses_outside_stalls']} misses, "
             f"rate {known(outside, '.5f')}",
         )
+        if told := limited(stalls):
+            table.add_row("CPU time", told)
     guilty = ", ".join(f"{name} {count}" for name, count in found["guilty"].items())
     table.add_row("guilty", guilty or "nobody: no miss")
     if found["rtt_ratio"] is not None:

@@ -179,12 +179,6 @@ def overlapping(stalls: Sequence[Stall], start: int, end: int) -> bool:
     return before or (at < len(stalls) and stalls[at].start - GRID_NS < end)
 
 
-def figures(stalls: Sequence[Stall]) -> dict[str, float]:
-    """How many, how long together, and the longest one."""
-    lengths = [(stall.end - stall.start) / 1e6 for stall in stalls]
-    return {"n": len(lengths), "total_ms": sum(lengths), "longest_ms": max(lengths, default=0.0)}
-
-
 def main() -> int:
     """Watch one CPU until told to end, or until whoever asked is gone; exit 3 without rights."""
     ended = threading.Event()

@@ -8,7 +8,7 @@ from typing import Any
 from hoap3.protocol.errors import LogError
 from hoap3.tools.html.numbers import count, number, rate, seconds
 from hoap3.tools.logs.log import Log
-from hoap3.tools.machine.stalls import figures
+from hoap3.tools.machine.stall_figures import figures, limited
 from hoap3.tools.report.content import Content
 from hoap3.tools.show.verdicts import deadline_words
 from hoap3.tools.timing.ticks import IN_TIME
@@ -73,7 +73,8 @@ def _stalls(content: Content) -> list[str]:
     table, stalls = timing.table, figures(timing.stalls)
     misses = table.misses_outside_stalls or 0
     outside = f"n {count(table.count(IN_TIME) + misses)}, missed or skipped {count(misses)}"
-    return [outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms"]
+    notes = [outside, f"{count(stalls['n'])} stalls, {number(stalls['total_ms'])} ms"]
+    return [*notes, told] if (told := limited(stalls)) else notes
 
 
 def machine_facts(content: Content, log: Log) -> tuple[str, list[tuple[str, str]], str]:

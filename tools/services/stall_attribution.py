@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from hoap3.tools.machine.stall_figures import LONG_NS, NEWEST, ended_in_step
 from hoap3.tools.machine.stalls import Stall, StallLog, overlapping
 
 PATIENCE_NS = 1_000_000_000  # until a time is judged: the monitor has told of its stalls by then
 FOREVER = 1 << 62
 MEMORY_NS = 60_000_000_000  # for how long a stall is remembered
+LONG_ONES = 4 * NEWEST  # more than those that are compared, as each CPU's count
 
 
 class OutsideStalls:
@@ -33,6 +35,7 @@ class OutsideStalls:
         self.outside = self.hosts = 0
         self.begin, self.end = 0, FOREVER
         self.n = self.total_ns = self.longest_ns = 0
+        self._long: deque[Stall] = deque(maxlen=LONG_ONES)
 
     @property
     def known(self) -> bool:
@@ -48,6 +51,8 @@ class OutsideStalls:
                 length = stall.end - stall.start
                 self.n, self.total_ns = self.n + 1, self.total_ns + length
                 self.longest_ns = max(self.longest_ns, length)
+                if length >= LONG_NS:
+                    self._long.append(stall)
         return found
 
     def failed(self, start: int, end: int, ticks: int) -> None:
@@ -72,5 +77,6 @@ class OutsideStalls:
                 self._recent[cpu] = [stall for stall in found if stall.end + MEMORY_NS >= now]
 
     def figures(self) -> dict[str, Any]:
-        """How many stalls, how long together, and the longest."""
-        return {"n": self.n, "total_ms": self.total_ns / 1e6, "longest_ms": self.longest_ns / 1e6}
+        """How many stalls, how long together, the longest; as `ended_in_step`, of the newest."""
+        lengths = {"total_ms": self.total_ns / 1e6, "longest_ms": self.longest_ns / 1e6}
+        return {"n": self.n, **lengths, **ended_in_step(self._long)}

@@ -9,6 +9,7 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
+from hoap3.tools.machine.stall_figures import limited
 from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.show.final_error import final_error_words
 from hoap3.tools.show.output import Meter, notes, print_note, results, watched
@@ -114,12 +115,12 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     if summary["host_stalls"] is not None:
         stalls = summary["host_stalls"]
-        table.add_row(
-            "outside stalls",
+        told = (
             f"success rate {known(rate['outside_stalls'], '.5f')}, missed or skipped "
             f"{summary['misses_outside_stalls']}; the host stalled {stalls['n']} times, "
-            f"{stalls['total_ms']:.0f} ms in all, {stalls['longest_ms']:.1f} ms at most",
+            f"{stalls['total_ms']:.0f} ms in all, {stalls['longest_ms']:.1f} ms at most"
         )
+        table.add_row("outside stalls", "; ".join(filter(None, [told, limited(stalls)])))
     table.add_row(
         "setpoints",
         f"duplicate {misses['duplicate']}, out of order {misses['out_of_order']}, "

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, verdict
-from hoap3.tools.machine.stalls import figures as stall_figures
+from hoap3.tools.machine.stall_figures import figures as stall_figures
 from hoap3.tools.timing.miss_attribution import Times
 from hoap3.tools.timing.tick_logs import NEVER, Stamps
 from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable

@@ -203,7 +203,7 @@ def test_the_figures_have_the_promised_keys(table):
     assert figures["misses"].keys() == {
         "late", "lost", "rejected", "duplicate", "out_of_order", "longest_run",
     }  # fmt: skip
-    assert figures["host_stalls"] == {"n": 1, "total_ms": 1.0, "longest_ms": 1.0}
+    assert figures["host_stalls"].keys() == {"n", "total_ms", "longest_ms", "long", "in_step"}
     assert figures["success_rate"].keys() == {"run", "outside_stalls", "worst_window"}
     assert figures["stages_us"].keys() == {*STAGES, "unaccounted"}
     for histogram in (figures["rtt_us"], figures["wakeup_us"], *figures["stages_us"].values()):

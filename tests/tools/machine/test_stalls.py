@@ -19,7 +19,6 @@ from hoap3.tools.machine.stalls import (
     Stall,
     StallLog,
     StallMonitor,
-    figures,
     main,
     overlapping,
     watch,
@@ -69,14 +68,6 @@ def test_of_more_stalls_than_there_is_room_for_the_newest_are_kept():
     assert len(found) == CAPACITY
     assert found[0] == Stall(50, 51)
     assert found[-1] == Stall(10 * (CAPACITY + 4), 10 * (CAPACITY + 4) + 1)
-
-
-def test_figures_say_how_many_how_long_and_the_longest():
-    assert figures([Stall(0, 2_000_000), Stall(5_000_000, 5_500_000)]) == {
-        "n": 2,
-        "total_ms": 2.5,
-        "longest_ms": 2.0,
-    }
 
 
 def test_without_rights_there_is_no_monitor(monkeypatch):

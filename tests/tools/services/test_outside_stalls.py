@@ -34,7 +34,7 @@ def test_a_failure_is_the_hosts_if_it_overlaps_a_stall_and_ours_if_not():
     stalls.failed(10 * T - GRID_NS - T, 10 * T - GRID_NS + 1, 8)
     stalls.attribute(20 * T + PATIENCE_NS)
     assert (stalls.hosts, stalls.outside) == (9, 6)
-    assert stalls.figures() == {"n": 1, "total_ms": 1.0, "longest_ms": 1.0}
+    assert stalls.figures() == {"n": 1, "total_ms": 1.0, "longest_ms": 1.0, "long": 1, "in_step": 0}
 
 
 def test_nothing_is_judged_before_the_monitor_had_time_to_tell():
