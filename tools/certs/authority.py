@@ -102,30 +102,41 @@ def issue(
             f"{name!r} has a certificate already: `hoap3 certs renew {name}`, or choose another "
             "name. A revoked one is never used again"
         )
-    if hosts and role != "robot":
-        raise UsageError(f"--host is for a robot, and {name!r} shall be {role}")
     entry = parse(Entry, {"name": name, "role": role, "expires": ""}, "hoap3 certs issue")
+    _check_hosts(hosts, entry)
     entry = _make(folder, entry, [*HOSTS, *hosts] if role == "robot" else [], valid)
     changed = _list_in_robots(folder, register, entry)
     _save(folder, register.with_entry(entry))
     return folder / name, changed
 
 
-def renew(folder: Path, name: str, valid: timedelta) -> Path:
-    """Make a new key and certificate for the same name, role and hosts; its directory.
+def renew(folder: Path, name: str, valid: timedelta, hosts: Sequence[str] = ()) -> Path:
+    """Make a new key and certificate for the same name and role; its directory.
+
+    Args:
+        folder: of the authority.
+        name: of whoever holds it.
+        valid: for how long.
+        hosts: at which a robot is reached instead, besides those of its own machine; none: those
+            of before.
 
     Raises:
-        UsageError: there is no such certificate, or it was revoked.
+        UsageError: there is no such certificate, it was revoked, or no robot and yet hosts.
+        ConfigError: a host that can be none.
     """
     register = read_register(folder)
     entry = register.get(name)
-    hosts = _hosts_in(folder / name / CERTIFICATE_FILE)
+    _check_hosts(hosts, entry)
+    hosts = [*HOSTS, *hosts] if hosts else _hosts_in(folder / name / CERTIFICATE_FILE)
     _save(folder, register.with_entry(_make(folder, entry, hosts, valid)))
     return folder / name
 
 
-def revoke(folder: Path, name: str) -> list[Path]:
-    """Take a name from the lists of all robots, for ever; the lists that were changed.
+def revoke(folder: Path, name: str) -> tuple[list[Path], list[str]]:
+    """Take a name from the lists of all robots, for ever.
+
+    Returns:
+        The lists that were changed, and for each that cannot be, why: it was moved, for example.
 
     Raises:
         UsageError: there is no such certificate, or it was revoked, or it is a robot's.
@@ -137,13 +148,18 @@ def revoke(folder: Path, name: str) -> list[Path]:
             f"{name!r} is a robot, which is on no list: where its key was stolen, begin with a new "
             "authority"
         )
-    changed = []
-    for file, access in _robots(folder, register):
-        if name in access.roles:
-            _write(file, access.without(name).to_yaml().encode())
-            changed.append(file)
+    changed, failed = [], []
+    for place in _robot_places(folder, register):
+        file = place / ACCESS_FILE
+        try:
+            access = read_access(place)
+            if name in access.roles:
+                _write(file, access.without(name).to_yaml().encode())
+                changed.append(file)
+        except (ConfigError, OSError) as error:
+            failed.append(str(error) if isinstance(error, ConfigError) else f"{file}: {error}")
     _save(folder, register.with_entry(entry.model_copy(update={"revoked": True})))
-    return changed
+    return changed, failed
 
 
 def _make(folder: Path, entry: Entry, hosts: Sequence[str], valid: timedelta) -> Entry:
@@ -198,8 +214,18 @@ def _list_in_robots(folder: Path, register: Register, entry: Entry) -> list[Path
 
 def _robots(folder: Path, register: Register) -> list[tuple[Path, Access]]:
     """The lists of all robots."""
-    places = [folder / each.name for each in register.certificates if each.role == "robot"]
+    places = _robot_places(folder, register)
     return [(place / ACCESS_FILE, read_access(place)) for place in places]
+
+
+def _robot_places(folder: Path, register: Register) -> list[Path]:
+    return [folder / each.name for each in register.certificates if each.role == "robot"]
+
+
+def _check_hosts(hosts: Sequence[str], entry: Entry) -> None:
+    """Only a robot is reached at hosts."""
+    if hosts and entry.role != "robot":
+        raise UsageError(f"--host is for a robot, and {entry.name!r} is {entry.role}")
 
 
 def _save(folder: Path, register: Register) -> None:

@@ -53,8 +53,9 @@ class ObserverHandle:
             of the robot; `lockstep`, whether stamps are virtual; `watch`, CPUs whose stalls are
             noted and count as the host's; `keep_awake`, whether these are kept from falling
             asleep; `status_fd`, open file that takes a JSON line for every piece of news, or None
-            for people; `metrics`, `host` and `port` for them, or None; `notify`, a
-            `NotifySettings` as a mapping where systemd listens, or None.
+            for people; `metrics`, `host` and `port` for them, and `certificate_ends`, a Unix time
+            or None, or None for no metrics; `notify`, a `NotifySettings` as a mapping where systemd
+            listens, or None.
         report: takes what became of the log, once, when it is lost, and of metrics that cannot be
             served; called in a thread.
 
@@ -263,6 +264,7 @@ class _LogKeeper:
             LogFacts(folder, self._log_bytes, lambda: self._lost),
             self._statistics if self._is_robot else None,
             self._stalls,
+            order["metrics"]["certificate_ends"],
         )
         host, port = order["metrics"]["host"], order["metrics"]["port"]
         try:

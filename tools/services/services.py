@@ -30,6 +30,7 @@ from hoap3.protocol.errors import ConfigError, Hoap3Error, UrdfWarning, UsageErr
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
+from hoap3.protocol.secure.credentials import read_credentials
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -212,21 +213,23 @@ def observer_for(
         "keep_awake": config.realtime.keep_awake,
         "status_fd": status_fd,
         "notify": asdict(notify) if notify else None,
-        "metrics": _metrics(config.metrics),
+        "metrics": _metrics(config.metrics, config.link.secure),
     }
     return ObserverHandle(order, report)
 
 
-def _metrics(metrics: MetricsSettings) -> dict[str, Any] | None:
-    """Where figures are to be served; None: nowhere.
+def _metrics(metrics: MetricsSettings, secure: str | None) -> dict[str, Any] | None:
+    """Where figures are to be served, and when the certificate in a folder ends; None: nowhere.
 
     Raises:
         NotInstalledError: they could not be.
+        ConfigError: the certificate cannot be used.
     """
     if metrics.port is None:
         return None
     check_metrics()
-    return metrics.model_dump()
+    ends = None if secure is None else read_credentials(secure).expires.timestamp()
+    return {**metrics.model_dump(), "certificate_ends": ends}
 
 
 def notify_settings(status_fd: int | None) -> NotifySettings | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import ssl
+import sys
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import timedelta
@@ -34,9 +36,10 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.secure.access import read_access
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import RobotLoop
-from hoap3.tools.certs.authority import issue, revoke
+from hoap3.tools.certs.authority import renew, revoke
 
 VERBS = ("acquire", "config", "description", "recover", "release", "status", "stop", "*")
 CONTROL_VERBS = ("about", "acquire", "change", "release", "show", "tasks", "*")
@@ -220,16 +223,17 @@ def test_without_a_certificate_of_the_authority_there_is_no_session(whose, certs
 
 
 @pytest.mark.slow
-def test_a_live_connection_ends_with_its_certificate(network, tmp_path):
+@pytest.mark.parametrize(("whose", "stay"), [("anna", {"otto"}), ("arm", set())])
+def test_a_live_connection_ends_with_the_certificate_of_either_side(whose, stay, network, tmp_path):
     folder = laboratory(tmp_path / "certs")
-    issue(folder, "short", "observer", [], timedelta(seconds=5))
+    renew(folder, whose, timedelta(seconds=5))
     endpoint = free_endpoint().replace("tcp/", "tls/")
     settings = LinkSettings(listen=(endpoint,), secure=str(folder / "arm"))
     robot = network.keep(open_session(settings, "arm"))
-    for name in ("otto", "short"):
+    for name in ("otto", "anna"):
         network.keep(open_session(client(folder, name, endpoint), "arm"))
-    assert certified_peers(robot) == {"otto", "short"}
-    eventually(lambda: certified_peers(robot) == {"otto"}, "the end")
+    assert certified_peers(robot) == {"otto", "anna"}
+    eventually(lambda: certified_peers(robot) == stay, "the end")
 
 
 class Scene:
@@ -309,6 +313,31 @@ def test_who_is_revoked_goes_at_once_and_the_others_stay(own_certs, network):
     assert "rival" in certified_peers(session)
     assert b'"granted": true' not in scene.asked(scene.holder, "acquire")
     assert b'"granted": true' in scene.asked(scene.rival, "acquire")
+
+
+OPENED: list[tuple[str, str]] = []
+"""What any thread of this process opens, once the hook is there: its name and the file's."""
+
+
+def test_the_list_is_read_beside_the_loop_which_opens_nothing(own_certs, network):
+    scene = Scene(network, own_certs)
+    file = own_certs / "arm" / "access.yaml"
+    listed, loop = read_access(file.parent), threading.current_thread().name
+    sys.addaudithook(
+        lambda event, given: (
+            event == "open" and OPENED.append((threading.current_thread().name, str(given[0])))
+        )
+    )
+    ticks = scene.robot.tick
+    for access in (listed.without("otto"), listed):
+        before = scene.link._guard._roles
+        network.start(file.write_text, access.to_yaml()).result()
+        OPENED.clear()
+        eventually(lambda: scene.step() or scene.link._guard._roles is not before, "a look")  # noqa: B023
+        readers = {thread for thread, opened in OPENED if opened == str(file)}
+        assert readers == {"access"}
+        assert loop not in {thread for thread, _ in OPENED}
+    assert scene.robot.tick > ticks + 100
 
 
 def test_another_role_counts_from_the_next_start_on_however_often_the_list_is_written(own_certs):

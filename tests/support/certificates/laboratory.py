@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 
@@ -18,10 +19,10 @@ PEOPLE = {
 }
 
 
-def laboratory(folder: Path, robot: str = "arm") -> Path:
-    """A new authority with a robot and `PEOPLE`; the folder that holds theirs."""
+def laboratory(folder: Path, robot: str = "arm", hosts: Sequence[str] = ()) -> Path:
+    """A new authority with a robot, reached at these hosts, and `PEOPLE`; the folder of theirs."""
     init(folder, DAY)
-    issue(folder, robot, "robot", [], DAY)
+    issue(folder, robot, "robot", hosts, DAY)
     for name, role in PEOPLE.items():
         issue(folder, name, role, [], DAY)
     return folder

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
+from support.certificates.laboratory import laboratory
 from support.command_bench import (
     PATIENT,
     QUIET,
@@ -20,6 +21,8 @@ from support.command_bench import (
     tell,
     wait_for_mode,
 )
+
+from hoap3.protocol.secure.credentials import read_credentials
 
 pytestmark = pytest.mark.slow
 
@@ -88,3 +91,13 @@ def test_a_port_that_is_taken_costs_the_metrics_alone() -> None:
         assert robot.json()["log_lost"] == []
         assert law.end(signal.SIGTERM) == 0
         assert_no_traceback(robot)
+
+
+def test_a_robot_with_a_certificate_serves_its_end(tmp_path: Path) -> None:
+    certs, at, port = laboratory(tmp_path, "hoap3"), endpoint().replace("tcp/", "tls/"), free_port()
+    words = ("--secure", certs / "hoap3", "--set", f"metrics.port={port}")
+    with emulator("hoap3", *QUIET, *words, at=at) as robot:
+        robot.hear("metrics at http://127.0.0.1")
+        ends = read_credentials(certs / "hoap3").expires.timestamp()
+        assert scrape(port)["hoap3_certificate_expiry_seconds"] == ends
+        assert robot.end(signal.SIGTERM) == 0

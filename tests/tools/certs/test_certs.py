@@ -11,7 +11,7 @@ from support.certificates.laboratory import DAY, laboratory
 from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.protocol.secure.access import read_access
 from hoap3.protocol.secure.credentials import read_credentials
-from hoap3.tools.certs.authority import init, issue, renew, revoke
+from hoap3.tools.certs.authority import HOSTS, init, issue, renew, revoke
 from hoap3.tools.certs.register import read_register
 
 
@@ -67,6 +67,28 @@ def test_renewing_keeps_who_it_is_and_changes_the_key(certs):
     assert (certs / "far" / "key.pem").read_bytes() != before["key.pem"]
     assert hosts(certs / "far" / "cert.pem") >= {"robot.example", "192.168.1.10", "127.0.0.1"}
     assert read_register(certs).get("far").expires == found.expires.isoformat()
+
+
+def test_renewing_gives_a_robot_other_hosts_and_keeps_those_of_its_own_machine(certs):
+    issue(certs, "far", "robot", ["robot.example"], DAY)
+    renew(certs, "far", DAY, ["192.168.1.20"])
+    assert hosts(certs / "far" / "cert.pem") == {*HOSTS, "192.168.1.20"}
+    for name, wanted in (("far", "a:7447"), ("qp", "192.168.1.20")):
+        before = (certs / name / "cert.pem").read_bytes()
+        with pytest.raises((ConfigError, UsageError), match="host"):
+            renew(certs, name, DAY, [wanted])
+        assert (certs / name / "cert.pem").read_bytes() == before
+
+
+def test_revoking_goes_on_where_the_list_of_one_robot_is_gone(certs):
+    issue(certs, "late", "robot", [], DAY)
+    (certs / "arm" / "access.yaml").rename(certs / "elsewhere.yaml")
+    changed, failed = revoke(certs, "qp")
+    assert changed == [certs / "late" / "access.yaml"]
+    assert "qp" not in read_access(certs / "late").roles
+    assert len(failed) == 1
+    assert str(certs / "arm" / "access.yaml") in failed[0]
+    assert read_register(certs).find("qp").revoked
 
 
 def hosts(file: Path) -> set[str]:

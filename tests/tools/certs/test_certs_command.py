@@ -59,6 +59,17 @@ def test_without_an_authority_everything_says_how_to_begin(words, hoap3):
     assert "hoap3 certs init" in err
 
 
+def test_revoking_ends_with_a_finding_where_a_list_is_left(hoap3, tmp_path):
+    for words in (("init",), ("issue", "arm", "--role", "robot")):
+        assert hoap3("certs", *words)[0] == 0
+    hoap3("certs", "issue", "anna", "--role", "operator")
+    file = tmp_path / "certs" / "arm" / "access.yaml"
+    file.unlink()
+    code, out, err = hoap3("certs", "revoke", "anna")
+    assert (code, out) == (1, "anna: revoked\n")
+    assert "certs/arm/access.yaml" in err
+
+
 def test_stopping_with_an_observers_certificate_is_refused_before_anything_is_sent(hoap3):
     hoap3("certs", "init")
     hoap3("certs", "issue", "otto", "--role", "observer")

@@ -15,6 +15,10 @@ certs_app = typer.Typer(
     no_args_is_help=True, help="Certificates of the secure profile, for a laboratory."
 )
 Folder = Annotated[Path, typer.Option("--dir", help="Folder of the authority.")]
+Hosts = Annotated[
+    list[str] | None,
+    typer.Option("--host", help="Name or address at which a robot is reached; repeatable."),
+]
 Name = Annotated[str, typer.Argument(help="Name in the certificate; of a robot, its own.")]
 Days = Annotated[float, typer.Option(min=0.001, max=36_500.0, help="For how long it is valid.")]
 HERE = Path("certs")
@@ -35,10 +39,7 @@ def issue(
         Literal["robot", "controller", "operator", "observer", "admin"],
         typer.Option(help="What its holder may do."),
     ],
-    host: Annotated[
-        list[str] | None,
-        typer.Option("--host", help="Name or address at which a robot is reached; repeatable."),
-    ] = None,
+    host: Hosts = None,
     folder: Folder = HERE,
     days: Days = 365.0,
 ) -> None:
@@ -66,22 +67,26 @@ def list_all(folder: Folder = HERE, as_json: AsJson = False) -> None:
 
 
 @certs_app.command()
-def renew(name: Name, folder: Folder = HERE, days: Days = 365.0) -> None:
-    """Make a new key and certificate for a name, with its role and hosts."""
+def renew(name: Name, host: Hosts = None, folder: Folder = HERE, days: Days = 365.0) -> None:
+    """Make a new key and certificate for a name, with its role, and its hosts or other ones."""
     from hoap3.tools.certs.authority import renew as make
 
-    print_line(str(make(folder, name, timedelta(days=days))))
+    print_line(str(make(folder, name, timedelta(days=days), host or [])))
     print_note("copy it to its machine; a session that is open keeps the old one until it ends")
 
 
 @certs_app.command()
 def revoke(name: Name, folder: Folder = HERE) -> None:
-    """Take a name from the lists of all robots, for ever."""
+    """Take a name from the lists of all robots, for ever; exit code 1 where one is left."""
     from hoap3.tools.certs.authority import revoke as take
 
-    changed = take(folder, name)
+    changed, failed = take(folder, name)
     print_line(f"{name}: revoked")
     _tell(changed, "")
+    for why in failed:
+        print_note(f"{why}. Its robot lets {name!r} in still: take the name from its list by hand")
+    if failed:
+        raise typer.Exit(1)
 
 
 def _tell(changed: list[Path], more: str) -> None:

@@ -57,6 +57,7 @@ class ServiceMetrics:
         ring: between loop and observer.
         log: what became of it.
         statistics, stalls: of a robot; None of a controller.
+        certificate_ends: Unix time [s] of that which it shows; None where it shows none.
     """
 
     side: str
@@ -65,6 +66,7 @@ class ServiceMetrics:
     log: LogFacts
     statistics: RunStatistics | None = None
     stalls: OutsideStalls | None = None
+    certificate_ends: float | None = None
     _events: Counter[str] = field(default_factory=Counter)
     _records: Counter[Kind] = field(default_factory=Counter)
     _met: int = 0
@@ -86,6 +88,9 @@ class ServiceMetrics:
         yield self._counter("setpoints", "Setpoints arrived, or sent by a controller", setpoints)
         yield self._counters("events", "Events, by kind", "kind", dict(self._events))
         yield self._counter("dropped_records", "Records not taken in time", self.ring.dropped)
+        if self.certificate_ends is not None:
+            words = "Unix time at which the certificate that it shows ends"
+            yield self._gauge("certificate_expiry_seconds", words, self.certificate_ends)
         yield from self._log()
 
     def _robot(self, statistics: RunStatistics) -> Iterator[Metric]:

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
+from support.certificates.laboratory import laboratory
 from support.command_bench import free_port
 from support.robot_bench import Bench
 
@@ -21,6 +22,7 @@ from hoap3.protocol.config.settings import MetricsSettings
 from hoap3.protocol.errors import NotInstalledError
 from hoap3.protocol.runtime.deadlines import Durations
 from hoap3.protocol.runtime.shm_ring import Ring
+from hoap3.protocol.secure.credentials import read_credentials
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 from hoap3.tools.machine import extras
 from hoap3.tools.services.monitoring.metrics import (
@@ -167,12 +169,16 @@ def test_a_port_that_is_taken_is_an_error(ring: Ring) -> None:
 
 
 def test_without_the_extra_a_service_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert _metrics(MetricsSettings()) is None
-    assert _metrics(MetricsSettings(port=9464)) == {"host": "127.0.0.1", "port": 9464}
+    assert _metrics(MetricsSettings(), None) is None
+    assert _metrics(MetricsSettings(port=9464), None) == {
+        "host": "127.0.0.1",
+        "port": 9464,
+        "certificate_ends": None,
+    }
     monkeypatch.setattr(extras, "find_spec", lambda _: None)
-    assert _metrics(MetricsSettings()) is None
+    assert _metrics(MetricsSettings(), None) is None
     with pytest.raises(NotInstalledError, match=r"hoap3\[metrics\]"):
-        _metrics(MetricsSettings(port=9464))
+        _metrics(MetricsSettings(port=9464), None)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost", "127.1.2.3"])
@@ -183,3 +189,16 @@ def test_loopback_is_seen_by_nobody_else(host: str) -> None:
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.10", "::", "robot.lab"])
 def test_other_addresses_are_seen(host: str) -> None:
     assert seen_from_outside(host)
+
+
+def test_the_end_of_a_certificate_is_told_where_there_is_one(ring: Ring, tmp_path: Path) -> None:
+    name = "certificate_expiry_seconds", frozenset[tuple[str, str]]()
+    certs = laboratory(tmp_path / "certs")
+    told = _metrics(MetricsSettings(port=9464), str(certs / "arm"))
+    assert told is not None
+    bench = Bench()
+    bench.run(2)
+    metrics = of_a_run(bench, ring)
+    assert name not in read(metrics)
+    metrics.certificate_ends = told["certificate_ends"]
+    assert read(metrics)[name] == read_credentials(certs / "arm").expires.timestamp()

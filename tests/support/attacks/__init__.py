@@ -1,0 +1,1 @@
+"""Attacks on a robot, on loopback and between two networks."""

@@ -1,0 +1,56 @@
+"""UR5 with certificates, which follows a controller with a live target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+import hoap3
+from hoap3.tools.services.connection import Connection
+from support.certificates.laboratory import laboratory
+from support.command_bench import PATIENT, QUIET, controller, emulator, endpoint
+from support.pages.steered_arm import ROBOT, hand
+
+
+@contextmanager
+def secured_arm(folder: Path) -> Iterator[str]:
+    """Where it listens, once it follows; its certificates, and everybody's, are in the folder."""
+    laboratory(folder, ROBOT)
+    at = endpoint().replace("tcp/", "tls/")
+    with (
+        emulator(ROBOT, *QUIET, *PATIENT, "--secure", folder / ROBOT, at=at),
+        controller("steered_ur5", *QUIET, "--secure", folder / "qp", at=at) as law,
+    ):
+        law.hear("following robot")
+        with hoap3.connect(ROBOT, at, secure=folder / "otto") as seen:
+            for _ in range(3000):
+                if seen.status()["mode"] == "active":
+                    break
+            else:
+                raise AssertionError(seen.status())
+        yield at
+
+
+NEAR_M = 1e-3
+
+
+def goes(robot: Connection, aim: list[float]) -> None:
+    """Wait until the hand is somewhere."""
+    for _ in range(3000):
+        if np.linalg.norm(hand(robot.state()) - aim) < NEAR_M:
+            return
+        next(robot.states())
+    raise AssertionError(f"it is at {hand(robot.state())}, not {aim}")
+
+
+def assert_stays(robot: Connection, place: np.ndarray) -> None:
+    """For 300 ticks the hand is where it was, or is on its last way to there; it follows."""
+    until = robot.state().tick + 300
+    for state in robot.states():
+        assert np.linalg.norm(hand(state) - place) < 2 * NEAR_M
+        if state.tick > until:
+            break
+    assert robot.status()["mode"] == "active"
