@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.config.settings import RealtimeSettings
+from hoap3.protocol.config.settings import LinkSettings, RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.runtime.notes import Note
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
@@ -114,9 +114,13 @@ def run_realtime(
             forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
-    protocol = "tcp" if emulator.link.secure is None else "tls"
-    transport = f"zenoh {protocol}" if emulator.link.kind == "zenoh" else emulator.link.kind
-    return summary | told(f"{transport}, same host", folder)
+    return summary | told(transport_words(emulator.link), folder)
+
+
+def transport_words(link: LinkSettings) -> str:
+    """How both sides of a run reach each other."""
+    protocol = "tcp" if link.secure is None else "tls"
+    return f"{f'zenoh {protocol}' if link.kind == 'zenoh' else link.kind}, same host"
 
 
 def _meeting(emulator: EmulatorConfig) -> tuple[dict[str, Any], dict[str, Any]]:

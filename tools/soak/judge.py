@@ -87,8 +87,7 @@ def process_figures(rounds: Rounds, begin_s: float, times: Series) -> Figures:
     """
     held = rounds.since(begin_s)
     rss = held["rss_bytes"] / 1e6
-    length = min(BLOCK_S, max(float(times[-1] - times[0]), 1e-9) / LEAST_BLOCKS)
-    middles, means = block_means(held["t"], rss, length)
+    middles, means = block_means(held["t"], rss, _block_s(times))
     grows = trend(middles, means)
     return {
         "name": rounds.label,
@@ -98,7 +97,7 @@ def process_figures(rounds: Rounds, begin_s: float, times: Series) -> Figures:
             "end_mb": float(means[-1]),
             "min_mb": float(rss.min()),
             "max_mb": float(rss.max()),
-            **({} if grows is None else grows.as_json("mb_per_hour")),
+            **grows.as_json("mb_per_hour"),
             "blocks_s": middles.round(3).tolist(),
             "blocks_mb": means.round(6).tolist(),
         },
@@ -123,10 +122,16 @@ def count_figures(counts: Series) -> dict[str, int]:
 
 def memory_verdict(memory: Mapping[str, Any]) -> str | None:
     """Good where growth is below the limit with confidence, bad where it is above with it."""
-    lower, upper = memory.get("lower_mb_per_hour"), memory.get("upper_mb_per_hour")
+    lower, upper = memory["lower_mb_per_hour"], memory["upper_mb_per_hour"]
     if lower is None or upper is None:
         return None
     return GOOD if upper < LIMIT_MB_H else BAD if lower >= LIMIT_MB_H else None
+
+
+def _block_s(times: Series) -> float:
+    """Length of a block, for rounds at these times [s]."""
+    whole = float(times[-1] - times[0]) if len(times) > 1 else BLOCK_S
+    return min(BLOCK_S, whole / LEAST_BLOCKS)
 
 
 def _same(counts: Mapping[str, int]) -> str:
@@ -142,20 +147,17 @@ def _of_all(verdicts: list[str | None]) -> str | None:
 
 def _phase(watch: Watch, robot: Mapping[str, Series]) -> Figures:
     """Of the schedule, and of how late the robot woke."""
-    grows = None
-    if len(robot["t"]) > 1:
-        n = np.diff(robot["wakeup_seconds_count"])
-        with np.errstate(divide="ignore", invalid="ignore"):  # where nothing was asked
-            late_us = np.diff(robot["wakeup_seconds_sum"]) / n * 1e6
-        length = min(BLOCK_S, float(robot["t"][-1] - robot["t"][0]) / LEAST_BLOCKS)
-        grows = trend(*block_means(robot["t"][1:], late_us, length))
+    n = np.diff(robot["wakeup_seconds_count"])
+    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing was asked
+        late_us = np.diff(robot["wakeup_seconds_sum"]) / n * 1e6
+    grows = trend(*block_means(robot["t"][1:], late_us, _block_s(robot["t"])))
     kept = watch.drift_ns == 0 and len(watch.sessions) == 1
     return {
         "verdict": None if not watch.heard else GOOD if kept else BAD,
         "drift_ns": watch.drift_ns,
         "states": watch.heard,
         "sessions": len(watch.sessions),
-        "wakeup_trend": None if grows is None else grows.as_json("us_per_hour"),
+        "wakeup_trend": grows.as_json("us_per_hour"),
         "wakeup_mean_us": _ratio(
             _grown(robot["wakeup_seconds_sum"]), _grown(robot["wakeup_seconds_count"]), 1e6
         ),

@@ -34,8 +34,8 @@ def show_soak(soaked: dict[str, Any]) -> None:
             f"{memory['begin_mb']:.1f} → {memory['end_mb']:.1f}",
             f"{memory['min_mb']:.1f}",
             f"{memory['max_mb']:.1f}",
-            known(memory.get("slope_mb_per_hour"), "+.3f"),
-            known(memory.get("upper_mb_per_hour"), "+.3f"),
+            known(memory["slope_mb_per_hour"], "+.3f"),
+            known(memory["upper_mb_per_hour"], "+.3f"),
             _counts(each["descriptors"]),
             _counts(each["threads"]),
         )
@@ -96,7 +96,7 @@ def _phase_words(phase: dict[str, Any]) -> str:
         return words
     words += f"; woke {phase['wakeup_mean_us']:.1f} µs late on average"
     grows = phase["wakeup_trend"]
-    if grows is None or grows["upper_us_per_hour"] is None:
+    if grows["upper_us_per_hour"] is None:
         return words
     return (
         f"{words}, {grows['slope_us_per_hour']:+.1f} µs/h "
@@ -105,8 +105,9 @@ def _phase_words(phase: dict[str, Any]) -> str:
 
 
 def _deadline_words(found: dict[str, Any]) -> str:
+    stops = f"safe stops {known(found['safe_stops'], 'd')}"
     if found["success_rate"] is None:
-        return "nothing was asked in the measured time"
+        return f"nothing was asked in the measured time; {stops}"
     words = (
         f"success rate {found['success_rate']:.6f} of {found['ticks']} ticks: "
         f"late {found['late']}, lost {found['lost']}, skipped {found['skipped']}"
@@ -122,7 +123,7 @@ def _deadline_words(found: dict[str, Any]) -> str:
         words += f"; worst round {worst['success_rate']:.4f} of {worst['ticks']} ticks"
     return (
         f"{words}; of the whole run: worst window of 100 {known(found['worst_window'], '.2f')}, "
-        f"safe stops {known(found['safe_stops'], 'd')}"
+        f"{stops}"
     )
 
 

@@ -14,7 +14,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.logs.atomic_write import whole_file
 from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.services.run import run_realtime
+from hoap3.tools.services.run import run_realtime, transport_words
 from hoap3.tools.show.result_folder import unwritable
 from hoap3.tools.simulate import suited
 from hoap3.tools.soak.draw import draw
@@ -104,7 +104,7 @@ def soak(
         "interrupted": summary is not None and summary["interrupted"],
         "failure": failure,
         "machine": machine_block() if summary is None else summary["machine"],
-        "transport": "zenoh tcp, same host" if summary is None else summary["transport"],
+        "transport": transport_words(emulator.link),
         "run": summary,
     }
     return {**result, "files": [str(path) for path in _write(result, watch, Path(places[0]))]}

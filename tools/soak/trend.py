@@ -19,7 +19,8 @@ Series = npt.NDArray[np.float64]
 class Trend:
     """A slope per hour, and what it is at least and at most, each with 95 % confidence.
 
-    The bounds are infinite where the series is too short, or too much of one piece, for any.
+    The bounds are infinite where the series is too short, or too much of one piece, for any; of
+    fewer than three values the slope is no number.
     """
 
     slope: float
@@ -27,7 +28,7 @@ class Trend:
     upper: float
 
     def as_json(self, unit: str) -> dict[str, float | None]:
-        """The same by names that end in the unit; an infinite bound is None."""
+        """The same by names that end in the unit; what is not finite is None."""
         named = {"slope": self.slope, "lower": self.lower, "upper": self.upper}
         return {
             f"{name}_{unit}": value if math.isfinite(value) else None
@@ -60,7 +61,7 @@ def block_means(times: Series, values: Series, length_s: float) -> tuple[Series,
     return middles[there] / n[there], means[there] / n[there]
 
 
-def trend(times: Series, values: Series) -> Trend | None:
+def trend(times: Series, values: Series) -> Trend:
     """The least-squares slope of a series, with one-sided bounds.
 
     Values beside each other are alike: memory grows in steps, and stays. With the correlation r of
@@ -71,12 +72,9 @@ def trend(times: Series, values: Series) -> Trend | None:
     Args:
         times: equally far apart [s], (n,).
         values: at these times, (n,).
-
-    Returns:
-        None for fewer than three.
     """
     if len(times) < 3:
-        return None
+        return Trend(math.nan, -math.inf, math.inf)
     hours = (times - times.mean()) / HOUR_S
     spread = float(hours @ hours)
     slope = float(hours @ (values - values.mean())) / spread
