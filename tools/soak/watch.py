@@ -105,7 +105,7 @@ class Watch:
             return
         intended = item["stamp_intended"]
         if self._start_ns is None:
-            if item["mode"] != State.ACTIVE:
+            if item["mode"] == State.IDLE:  # one that stopped at once was active in between
                 return
             self._start_ns = intended
         if item["session_id"] not in self.sessions:  # another robot has a schedule of its own

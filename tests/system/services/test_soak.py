@@ -83,10 +83,10 @@ def test_a_controller_that_dies_is_told_with_what_was_measured_until_then(tmp_pa
 
 def test_for_people_it_is_tables(tmp_path: Path):
     words = ("--minutes", 0.15, "--warm-up-minutes", 0, "--no-realtime", "--out", tmp_path)
-    done = hoap3("soak", *words)
+    done = hoap3("soak", *words, *PATIENT)
     assert_no_traceback(done)
     assert done.process.returncode in {0, 1}
-    assert all(name in done.stdout for name in (*NAMES, *ABOUT))
+    assert all(name in done.stdout for name in (*NAMES, *ABOUT)), done.stdout + done.stderr
     assert str(tmp_path / "soak.png") in done.stdout
 
 

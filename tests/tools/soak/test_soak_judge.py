@@ -120,6 +120,14 @@ def test_a_schedule_that_moves_is_found(moved):
     assert found["phase"]["drift_ns"] > 0
 
 
+@pytest.mark.parametrize(("mode", "begins"), [(State.IDLE, False), (State.STOPPED, True)])
+def test_a_soak_begins_once_the_robot_is_not_idle_any_more(mode, begins):
+    watch = Watch(Plan(END_S, BEGIN_S), {}, PERIOD_NS, lambda _: None)
+    watch.hear({"news": "live"})
+    watch.hear(live(3, mode=mode))
+    assert watch.began == begins
+
+
 def test_one_nanosecond_of_drift_is_one():
     watch = soaked()
     late = live(6_000_000)
