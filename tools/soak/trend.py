@@ -57,8 +57,9 @@ def block_means(times: Series, values: Series, length_s: float) -> tuple[Series,
     block = np.minimum(((times - times[0]) / length_s).astype(int), last)
     n = np.bincount(block)
     there = n > 0
-    middles, means = np.bincount(block, times), np.bincount(block, values)
-    return middles[there] / n[there], means[there] / n[there]
+    middles = np.bincount(block, times)[there] / n[there]
+    above = np.bincount(block, values - values[0])[there] / n[there]  # 0, not nearly, of constants
+    return middles, values[0] + above
 
 
 def trend(times: Series, values: Series) -> Trend:
@@ -77,8 +78,10 @@ def trend(times: Series, values: Series) -> Trend:
         return Trend(math.nan, -math.inf, math.inf)
     hours = (times - times.mean()) / HOUR_S
     spread = float(hours @ hours)
-    slope = float(hours @ (values - values.mean())) / spread
-    residuals = values - values.mean() - slope * hours
+    values = values - values[0]  # or rounding would make a constant a series of one piece
+    values -= values.mean()
+    slope = float(hours @ values) / spread
+    residuals = values - slope * hours
     square = float(residuals @ residuals)
     alike = max(float(residuals[1:] @ residuals[:-1]) / square, 0.0) if square else 0.0
     freedom = len(times) * (1.0 - alike) / (1.0 + alike) - 2.0

@@ -37,8 +37,13 @@ def test_what_grows_evenly_has_its_slope_for_a_bound():
     found = trend(times, 3.0 * times / HOUR_S)
     assert found.slope == pytest.approx(3.0)
     assert found.upper == pytest.approx(3.0, abs=1e-6)
-    still = trend(times, np.full(len(times), 235.3))
-    assert still.upper == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("value", [31.105024, 31.006, 235.3, 0.1])
+def test_what_stays_has_no_slope_and_no_doubt(value):
+    times = np.arange(0.0, 330.0, 5.1)
+    still = trend(*block_means(times, np.full(len(times), value), 20.0))
+    assert (still.lower, still.slope, still.upper) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.5, 0.8])
