@@ -7,6 +7,7 @@ memory, so a service can run for months.
 from __future__ import annotations
 
 import heapq
+from array import array
 from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import accumulate
@@ -108,7 +109,7 @@ class Durations:
     """
 
     def __init__(self, highest: int = 10_000_000_000, worst: int = 10) -> None:
-        self._bins = [0] * (_bin(highest) + 1)
+        self._bins = array("Q", [0]) * (_bin(highest) + 1)  # in a list each count takes memory
         self._highest, self._keep = highest, worst
         self._worst: list[tuple[int, int]] = []
         self.n = self.total = self.overflows = self.negative = 0

@@ -41,6 +41,7 @@ STORIES = [
     "environment.md",
     "two_machines.md",
     "services.md",
+    "soak.md",
     "security.md",
     "logs.md",
     "latency.md",

@@ -64,6 +64,7 @@ PACKAGES = {
             "prove",
             "reproduce",
             "robots",
+            "soak",
             "testing",
             "view",
         ),

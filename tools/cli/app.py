@@ -43,6 +43,7 @@ from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
 from hoap3.tools.cli.secure.certs import certs_app
 from hoap3.tools.cli.services.service import service_app
+from hoap3.tools.cli.services.soak import soak
 from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import prove, verify
 from hoap3.tools.cli.viewers.bridge import bridge_app
@@ -62,7 +63,9 @@ app.add_typer(certs_app, name="certs")
 app.add_typer(robot_app, name="robot")
 app.add_typer(service_app, name="service")
 app.add_typer(trajectory_app, name="trajectory")
-_COMMANDS = change, compare, doctor, latency, limits, new, prove, report, reproduce, verify, view
+_COMMANDS = (
+    *(change, compare, doctor, latency, limits, new, prove, report, reproduce, soak, verify, view),
+)
 for command in _COMMANDS:
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}

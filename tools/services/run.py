@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.config.settings import RealtimeSettings
+from hoap3.protocol.config.settings import LinkSettings, RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.runtime.notes import Note
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
@@ -47,6 +47,7 @@ def run_realtime(
     *,
     links: tuple[dict[str, Any], dict[str, Any]] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Run both services for `duration` [s] of motion on a free port of this machine.
 
@@ -58,6 +59,7 @@ def run_realtime(
         files: names of both configs, for errors.
         links: changes of both links; by default they meet at a free TCP port.
         should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
+        meanwhile: called some ten times a second while both services run.
 
     Returns:
         Its figures, as `run --json` prints them.
@@ -101,7 +103,7 @@ def run_realtime(
     try:
         work.start("emulator", as_yaml(emulator), files[0], folder, duration)
         work.start("controller", as_yaml(controller), files[1], folder, None)
-        summary = work.watch(duration)
+        summary = work.watch(duration, meanwhile)
     except UsageError as error:
         if hint and work.failed == "controller":
             raise UsageError(f"{error}. {hint}") from error
@@ -112,9 +114,13 @@ def run_realtime(
             forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
-    protocol = "tcp" if emulator.link.secure is None else "tls"
-    transport = f"zenoh {protocol}" if emulator.link.kind == "zenoh" else emulator.link.kind
-    return summary | told(f"{transport}, same host", folder)
+    return summary | told(transport_words(emulator.link), folder)
+
+
+def transport_words(link: LinkSettings) -> str:
+    """How both sides of a run reach each other."""
+    protocol = "tcp" if link.secure is None else "tls"
+    return f"{f'zenoh {protocol}' if link.kind == 'zenoh' else link.kind}, same host"
 
 
 def _meeting(emulator: EmulatorConfig) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -246,12 +252,13 @@ class _Services:
         finally:
             os.close(writer)
 
-    def watch(self, duration: float) -> dict[str, Any]:
+    def watch(self, duration: float, meanwhile: Callable[[], None]) -> dict[str, Any]:
         """The summary, once the robot has ended its motion, or somebody has ended it."""
         limit = time.monotonic() + START_TIMEOUT_S + 2 * duration
         emulator, controller = self._children["emulator"], self._children["controller"]
         while emulator.poll() is None and controller.poll() is None:
             self._listen(0.1)
+            meanwhile()
             if self._stop():
                 break
             if time.monotonic() > limit:

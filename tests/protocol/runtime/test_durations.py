@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -131,3 +133,18 @@ def test_one_period_has_no_jitter():
     jitter.start(0)
     jitter.start(1500)
     assert jitter.summary() == {"n": 1}
+
+
+def test_a_histogram_takes_no_more_memory_however_much_it_counts():
+    durations = Durations()
+    spread = range(1000, 201_000, 1000)
+    for duration in spread:
+        durations.add(duration)
+    tracemalloc.start()
+    for _ in range(260):
+        for duration in spread:
+            durations.add(duration)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert durations.n == 261 * len(spread)
+    assert grown < 8 * len(spread)

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -58,6 +59,16 @@ def test_a_log_is_shared_and_each_stall_is_taken_once():
     assert other.take() == []
     log.note(20, 21)
     assert other.take() == [Stall(20, 21)]
+
+
+def test_all_memory_of_a_log_is_there_from_the_start():
+    log = StallLog()
+    file = os.fstat(log.fd).st_ino
+    maps = Path("/proc/self/smaps").read_text(encoding="utf-8")
+    _, _, ours = maps.partition(f" {file} ")
+    pairs = (line.split(":", 1) for line in ours.splitlines()[1:8])
+    facts = {key: value.split() for key, value in pairs}
+    assert facts["Rss"] == facts["Size"]
 
 
 def test_of_more_stalls_than_there_is_room_for_the_newest_are_kept():

@@ -1,0 +1,1 @@
+"""Whether a robot and its controller run unattended for hours: what they keep, and what grows."""

@@ -1,0 +1,255 @@
+"""What a soak came to: its figures, and a verdict on each. docs/soak.md defines them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.runtime.deadlines import verdict as deadline_verdict
+from hoap3.tools.show.verdicts import failed
+from hoap3.tools.soak.rounds import Rounds
+from hoap3.tools.soak.trend import Series, block_means, trend
+from hoap3.tools.soak.watch import ROBOT, Watch
+
+LIMIT_MB_H = 1.0
+"""Growth of a process that is taken for none, with 95 % confidence."""
+BLOCK_S = 60.0
+LEAST_BLOCKS = 16  # of the measured time, where that is short
+ENDS = 10  # the part of the rounds, 1/10, that is the begin, and the end
+GOOD, BAD = "good", "bad"
+Figures = dict[str, Any]
+
+
+def judge(
+    watch: Watch, begin_s: float, summary: Mapping[str, Any] | None, cap_bytes: int
+) -> Figures:
+    """All figures of a soak, and its verdicts.
+
+    Args:
+        watch: what was seen.
+        begin_s: of the measured time, after the begin of the motion [s].
+        summary: of the run, None where it failed.
+        cap_bytes: that the log of a side may take.
+
+    Returns:
+        `verdicts`, by what they are about, and `verdict`, of all; each `good` or `bad`, or None
+        where too little was seen, but that of `deadlines`, which is that of a run. Then the
+        figures: `measured`, `processes`, `phase`, `deadlines`, `log` and `metrics`.
+    """
+    robot = watch.sides["robot"].since(begin_s)
+    times = robot["t"]
+    processes = [
+        {"pid": pid, **process_figures(rounds, begin_s, times)}
+        for pid, rounds in watch.processes.items()
+        if len(rounds.since(begin_s)["t"])
+    ]
+    figures: Figures = {
+        "measured": {
+            "from_s": float(times[0]) if len(times) else None,
+            "to_s": float(times[-1]) if len(times) else None,
+            "rounds": len(times),
+        },
+        "processes": processes,
+        "phase": _phase(watch, robot),
+        "deadlines": _deadlines(robot, summary),
+        "log": _log(watch, begin_s, summary, cap_bytes),
+        "metrics": {"asked": watch.scrapes, "unanswered": watch.unanswered},
+    }
+    verdicts = {
+        "memory": _of_all([memory_verdict(each["memory"]) for each in processes]),
+        "descriptors": _of_all([_same(each["descriptors"]) for each in processes]),
+        "threads": _of_all([_same(each["threads"]) for each in processes]),
+        "processes": _of_all([GOOD if each["throughout"] else BAD for each in processes]),
+        "phase": figures["phase"].pop("verdict"),
+        "deadlines": figures["deadlines"].pop("verdict"),
+        "log": figures["log"].pop("verdict"),
+        "metrics": None if not watch.scrapes else BAD if watch.unanswered else GOOD,
+    }
+    if summary is None:
+        verdicts["processes"] = BAD  # one ended, or never did its work
+    whole = BAD if failed(verdicts) else None if None in verdicts.values() else GOOD
+    return {"verdicts": verdicts, "verdict": whole, **figures}
+
+
+def process_figures(rounds: Rounds, begin_s: float, times: Series) -> Figures:
+    """Of one process, in the measured time.
+
+    Args:
+        rounds: of what it held.
+        begin_s: of the measured time [s].
+        times: of all rounds of the measured time [s].
+
+    Returns:
+        `name`; `throughout`, whether it was there in each round; `memory`, `descriptors`
+        and `threads`.
+    """
+    held = rounds.since(begin_s)
+    rss = held["rss_bytes"] / 1e6
+    middles, means = block_means(held["t"], rss, _block_s(times))
+    grows = trend(middles, means)
+    return {
+        "name": rounds.label,
+        "throughout": len(held["t"]) == len(times),
+        "memory": {
+            "begin_mb": float(means[0]),
+            "end_mb": float(means[-1]),
+            "min_mb": float(rss.min()),
+            "max_mb": float(rss.max()),
+            **grows.as_json("mb_per_hour"),
+            "blocks_s": middles.round(3).tolist(),
+            "blocks_mb": means.round(6).tolist(),
+        },
+        "descriptors": count_figures(held["descriptors"]),
+        "threads": count_figures(held["threads"]),
+    }
+
+
+def count_figures(counts: Series) -> dict[str, int]:
+    """Begin and end of a count: the least of the first, and of the last, tenth of the rounds.
+
+    What is there for a moment, such as the socket of whoever asks for metrics, is in `max` only.
+    """
+    part = -(-len(counts) // ENDS)
+    return {
+        "begin": int(counts[:part].min()),
+        "end": int(counts[-part:].min()),
+        "min": int(counts.min()),
+        "max": int(counts.max()),
+    }
+
+
+def memory_verdict(memory: Mapping[str, Any]) -> str | None:
+    """Good where growth is below the limit with confidence, bad where it is above with it."""
+    lower, upper = memory["lower_mb_per_hour"], memory["upper_mb_per_hour"]
+    if lower is None or upper is None:
+        return None
+    return GOOD if upper < LIMIT_MB_H else BAD if lower >= LIMIT_MB_H else None
+
+
+def _block_s(times: Series) -> float:
+    """Length of a block, for rounds at these times [s]."""
+    whole = float(times[-1] - times[0]) if len(times) > 1 else BLOCK_S
+    return min(BLOCK_S, whole / LEAST_BLOCKS)
+
+
+def _same(counts: Mapping[str, int]) -> str:
+    return GOOD if counts["begin"] == counts["end"] else BAD
+
+
+def _of_all(verdicts: list[str | None]) -> str | None:
+    """Bad if one is, good if all are; None otherwise."""
+    if BAD in verdicts:
+        return BAD
+    return None if None in verdicts or not verdicts else GOOD
+
+
+def _phase(watch: Watch, robot: Mapping[str, Series]) -> Figures:
+    """Of the schedule, and of how late the robot woke."""
+    n = np.diff(robot["wakeup_seconds_count"])
+    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing was asked
+        late_us = np.diff(robot["wakeup_seconds_sum"]) / n * 1e6
+    grows = trend(*block_means(robot["t"][1:], late_us, _block_s(robot["t"])))
+    kept = watch.drift_ns == 0 and len(watch.sessions) == 1
+    return {
+        "verdict": None if not watch.heard else GOOD if kept else BAD,
+        "drift_ns": watch.drift_ns,
+        "states": watch.heard,
+        "sessions": len(watch.sessions),
+        "wakeup_trend": grows.as_json("us_per_hour"),
+        "wakeup_mean_us": _ratio(
+            _grown(robot["wakeup_seconds_sum"]), _grown(robot["wakeup_seconds_count"]), 1e6
+        ),
+    }
+
+
+def _deadlines(robot: Mapping[str, Series], summary: Mapping[str, Any] | None) -> Figures:
+    """Of the ticks of the measured time; safe stops and the worst window are of the whole run."""
+    told = np.isfinite(robot["deadlines_met_total"])
+    grown = {name: np.diff(robot[name][told]) for name in ROBOT}
+    met, missed = grown["deadlines_met_total"], grown["deadlines_missed_total"]
+    asks = met + missed > 0  # a robot that rests asks for nothing, and skips nothing that counts
+    skipped = np.where(asks, grown["ticks_skipped_total"], 0.0)
+    in_time, failures, lapsed = (int(each.sum()) for each in (met, missed, skipped))
+    late = int(grown["deadlines_late_total"].sum())
+    asked = in_time + failures + lapsed
+    rate = in_time / asked if asked else None
+    outside = _grown(robot["misses_outside_stalls_total"])
+    stops = None if summary is None else summary["safe_stops"]
+    judged = None if rate is None else deadline_verdict(rate, safe_stop=bool(stops))
+    return {
+        "verdict": "unfit" if stops else judged,
+        "ticks": asked,
+        "in_time": in_time,
+        "late": late,
+        "lost": failures - late,
+        "skipped": lapsed,
+        "success_rate": rate,
+        "missed_outside_stalls": outside,
+        "success_rate_outside_stalls": (
+            None if outside is None else _ratio(in_time, in_time + outside)
+        ),
+        "worst_round": _worst(robot["t"][told][1:], met, missed + skipped),
+        "worst_window": None if summary is None else summary["success_rate"]["worst_window"],
+        "longest_run": None if summary is None else summary["misses"]["longest_run"],
+        "safe_stops": stops,
+        "host_stalls": _grown(robot["host_stalls_total"]),
+        "host_stall_seconds": _grown(robot["host_stall_seconds_total"]),
+    }
+
+
+def _worst(times: Series, met: Series, failures: Series) -> Figures | None:
+    """The least success rate from one round to the next, of how many ticks, and when it ended."""
+    ticks = met + failures
+    asked = np.flatnonzero(ticks > 0)
+    if not len(asked):
+        return None
+    worst = asked[np.argmin(met[asked] / ticks[asked])]
+    return {
+        "success_rate": float(met[worst] / ticks[worst]),
+        "ticks": int(ticks[worst]),
+        "at_s": float(times[worst]),
+    }
+
+
+def _log(
+    watch: Watch, begin_s: float, summary: Mapping[str, Any] | None, cap_bytes: int
+) -> Figures:
+    """Of the logs of both sides: whether they are whole, and within their size."""
+    lost = [] if summary is None else summary["log_lost"]
+    sides = {side: rounds.since(begin_s) for side, rounds in watch.sides.items()}
+    dropped = {side: _grown(each["dropped_records_total"]) for side, each in sides.items()}
+    most = {side: _most(each["log_bytes"]) for side, each in sides.items()}
+    known = None not in dropped.values() and None not in most.values()
+    sound = (
+        not lost
+        and not any(_most(each["log_lost"]) for each in sides.values())
+        and not any(dropped.values())
+        and all(size is not None and size <= cap_bytes for size in most.values())
+    )
+    return {
+        "verdict": None if not known else GOOD if sound else BAD,
+        "lost": lost,
+        "dropped": dropped,
+        "most_mb": {side: None if size is None else size / 1e6 for side, size in most.items()},
+        "cap_mb": cap_bytes / 1e6,
+    }
+
+
+def _grown(counts: Series) -> Any:
+    """By how much a count has grown; None where it was not told twice."""
+    told = counts[np.isfinite(counts)]
+    if len(told) < 2:
+        return None
+    grown = float(told[-1] - told[0])
+    return int(grown) if grown.is_integer() else grown
+
+
+def _most(values: Series) -> float | None:
+    told = values[np.isfinite(values)]
+    return float(told.max()) if len(told) else None
+
+
+def _ratio(part: float | None, whole: float | None, scale: float = 1.0) -> float | None:
+    return None if part is None or not whole else scale * part / whole
