@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,29 @@ def test_lines_that_cannot_be_written_are_refused_before_anything_begins(tmp_pat
     both = hoap3("emulator", "hoap3", *QUIET, "--json", "--set", "log.json_lines=stdout")
     assert both.end() == 2
     assert not both.stdout
+
+
+def test_lines_that_cannot_be_written_any_more_end_nothing(tmp_path: Path) -> None:
+    at, folder = endpoint(), tmp_path / "lines"
+    folder.mkdir()
+    file = folder / "robot.jsonl"
+    with (
+        emulator(*("hoap3", *QUIET, *PATIENT, "--set", f"log.json_lines={file}"), at=at) as robot,
+        controller("qp12", *QUIET, at=at) as law,
+    ):
+        wait_for_mode("active", at)
+        shutil.rmtree(folder)
+        assert law.end(signal.SIGTERM) == 0
+        robot.hear("JSON lines are missing")
+        robot.hear("released")
+        wait_for_mode("idle", at)
+        folder.mkdir()
+        robot.end(signal.SIGTERM)
+        assert robot.stderr.count("JSON lines are missing") == 1
+        assert_no_traceback(robot)
+    lines = parsed(file.read_text())
+    assert_in_order(lines, "lines_lost", "ENDED", "summary")
+    assert lines[0]["lines"] >= 1
 
 
 def test_a_service_that_is_refused_says_so_in_its_lines(tmp_path: Path) -> None:
