@@ -33,6 +33,7 @@ from hoap3.protocol.errors import ConfigError, RenamedWarning, located
 
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
+STANDARD_OUTPUT = "stdout"
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
 
@@ -228,6 +229,20 @@ class LogSettings(Settings):
         ge=1,
         description="beyond this the oldest runs in it are deleted at a start; null: any size",
     )
+    json_lines: str | None = Field(
+        None,
+        min_length=1,
+        description="file that a service appends each line to that it tells people, as a JSON "
+        "object; stdout: there, in place of these lines; null: none",
+    )
+    json_lines_mb: int = Field(
+        10, strict=True, ge=1, description="of that file; then it is renamed to *.1, and so on to 4"
+    )
+
+    @property
+    def tells_json(self) -> bool:
+        """Whether JSON lines go to standard output, in place of the lines for people."""
+        return self.json_lines == STANDARD_OUTPUT
 
 
 class MetricsSettings(Settings):

@@ -71,6 +71,9 @@ class FoxgloveServer:
         import foxglove
         from foxglove.websocket import Capability
 
+        # It would log through Python by threads that hold its locks, such as of the channels where
+        # a client asks for one that is gone; if we close a channel then, both wait for ever.
+        foxglove.set_log_level("CRITICAL")
         self._foxglove, self._report = foxglove, report
         self._targets: PanelTargets | None = None
         listener: Any = self  # of the methods of theirs those that are asked for

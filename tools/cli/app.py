@@ -16,6 +16,7 @@ from typing import Annotated, Any, TextIO
 import typer
 
 from hoap3.protocol.errors import (
+    ConfigError,
     Hoap3Error,
     LimitWarning,
     LogError,
@@ -179,6 +180,9 @@ def emulator(
 
     sets = with_secure(sets, secure, insecure=insecure)
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
+    if as_json and settings.log.tells_json:
+        problem, remedy = "is on standard output, and so is --json", "Name a file, or drop --json"
+        raise ConfigError(file, "log.json_lines", settings.log.json_lines, problem, remedy)
     code, summary = run_emulator(
         settings,
         file,
@@ -191,7 +195,7 @@ def emulator(
     )
     if summary is not None and as_json:
         print_json(summary)
-    elif summary is not None and status_fd is None:
+    elif summary is not None and status_fd is None and not settings.log.tells_json:
         show_summary(summary)
     raise typer.Exit(code)
 

@@ -38,13 +38,11 @@ from hoap3.protocol.errors import (
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
 from hoap3.tools.services import sent
 from hoap3.tools.services.client import check_name, check_right, client_settings, unanswered
+from hoap3.tools.show.event_words import EVENT_NAMES
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 LOOK_S = 5e-4  # between two looks for what has come
 EVENTS = 256  # that are kept until somebody reads them
-EVENT_NAMES = {
-    value: name for name, value in Event.schema.constants.items() if not name.startswith("REASON_")
-}
 RENEWED_S = 0.5  # between two renewals of the operator's lease of 2 s
 RETRY_S = 0.2
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -18,13 +19,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hoap3.protocol.config.settings import STANDARD_OUTPUT
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.notes import Unserved
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
-from hoap3.tools.machine.processes import Child, Lifeline, read_order
+from hoap3.tools.machine.processes import Child, Lifeline, read_order, to_people
 from hoap3.tools.machine.sd_notify import NotifySettings
 from hoap3.tools.machine.stalls import PRIORITY, StallMonitor
+from hoap3.tools.services.monitoring.json_lines import JsonLines, facts_of
 from hoap3.tools.services.monitoring.reporter import EVENTS, Reporter
 from hoap3.tools.services.monitoring.watchdog import PINGS, Watchdog, status_words
 from hoap3.tools.services.stall_attribution import OutsideStalls
@@ -50,12 +53,13 @@ class ObserverHandle:
         order: `side`, "robot" or "controller"; `robot`, its name; `directory`, folder of this run,
             or None to record nothing; `attachments`, files for the log, by name; `metadata`, facts
             for the log, by group; `limits`, bytes of the whole log, and of one file; `period_ns`
-            of the robot; `lockstep`, whether stamps are virtual; `watch`, CPUs whose stalls are
-            noted and count as the host's; `keep_awake`, whether these are kept from falling
-            asleep; `status_fd`, open file that takes a JSON line for every piece of news, or None
-            for people; `metrics`, `host` and `port` for them, and `certificate_ends`, a Unix time
-            or None, or None for no metrics; `notify`, a `NotifySettings` as a mapping where systemd
-            listens, or None.
+            of the robot; `lockstep`, whether stamps are virtual; `json_lines`, the place of what
+            it tells as JSON and the size of a file there [bytes], or None; `watch`, CPUs whose
+            stalls are noted and count as the host's; `keep_awake`, whether these are kept from
+            falling asleep; `status_fd`, open file that takes a JSON line for every piece of news,
+            or None for people; `metrics`, `host` and `port` for them, and `certificate_ends`, a
+            Unix time or None, or None for no metrics; `notify`, a `NotifySettings` as a mapping
+            where systemd listens, or None.
         report: takes what became of the log, once, when it is lost, and of metrics that cannot be
             served; called in a thread.
 
@@ -81,8 +85,10 @@ class ObserverHandle:
         whole = json.dumps({**order, "fd": self.ring.fd, "last_words_fd": last_words})
         status = [] if order["status_fd"] is None else [order["status_fd"]]
         fds = [self.ring.fd, last_words, *status]
+        ours = order["json_lines"] and order["json_lines"]["place"] == STANDARD_OUTPUT
+        stdout = None if ours else subprocess.DEVNULL
         try:
-            self._process = Child(["hoap3.tools.services.observer"], whole, fds)
+            self._process = Child(["hoap3.tools.services.observer"], whole, fds, stdout=stdout)
         except BaseException:
             os.close(reader)
             os.close(self.ring.fd)
@@ -241,7 +247,7 @@ class _LogKeeper:
         )
         self._certificates = CertificateCount()
         self._outcome: dict[str, Any] | None = None
-        self._reporter = Reporter(order["status_fd"], order["side"], order["robot"])
+        self._reporter = _reporter(order)
         self._states = 0
         self._metrics: ServiceMetrics | None = None
         if order["metrics"]:
@@ -355,6 +361,7 @@ class _LogKeeper:
         else:
             final["certificates"] = self._certificates.figures()
             final["outcome"] = self._outcome
+        self._reporter.sum_up(self.tell())
         self._reporter.send("final", final)
         self._tell_service(final)
 
@@ -373,6 +380,16 @@ class _LogKeeper:
     def _tell_service(self, content: dict[str, Any]) -> None:
         with suppress(BrokenPipeError), open(self._last_words_fd, "w", closefd=False) as stream:
             stream.write(json.dumps(content) + "\n")  # a broken pipe: it is gone
+
+
+def _reporter(order: Mapping[str, Any]) -> Reporter:
+    """Where this observer says what happens."""
+    side, robot, place, lines = order["side"], order["robot"], "", None
+    if order["json_lines"]:
+        place, most_bytes = order["json_lines"]["place"], order["json_lines"]["most_bytes"]
+        lines = JsonLines(place, facts_of(side, robot), to_people, most_bytes)
+    quiet = place == STANDARD_OUTPUT
+    return Reporter(order["status_fd"], side, robot, lines, quiet=quiet)
 
 
 def _event(kind: str, stamp: int, detail: int) -> Record:

@@ -9,7 +9,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
@@ -44,6 +44,13 @@ from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
 from hoap3.tools.machine.sd_notify import NotifySettings
 from hoap3.tools.machine.software import software
+from hoap3.tools.services.monitoring.json_lines import (
+    MB,
+    OF_NEWS,
+    JsonLines,
+    QueuedLines,
+    facts_of,
+)
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import settled_alone
 from hoap3.tools.show.kernel_news import watch_compilation
@@ -53,6 +60,7 @@ from hoap3.tools.show.result_folder import new_name
 from hoap3.tools.show.verdicts import failed
 from hoap3.tools.simulate import emulator_content
 
+COMPILING = "compiling kernels, once for each version"
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
 
 
@@ -130,7 +138,10 @@ def _piped(named: str | None) -> tuple[dict[str, Any], str]:
 
 
 def run_folder(
-    log: LogSettings, out: Path | None = None, sides: Sequence[str] = SIDES
+    log: LogSettings,
+    out: Path | None = None,
+    sides: Sequence[str] = SIDES,
+    say: Callable[[str], None] = to_people,
 ) -> Path | None:
     """A new folder for the log of one run, or None where nothing is recorded.
 
@@ -140,6 +151,7 @@ def run_folder(
         log: where, and whether.
         out: the folder itself, as `--out` names it; it may exist.
         sides: those whose logs will be written there.
+        say: takes what became of old runs.
 
     Raises:
         ConfigError: the folder cannot be made or written, holds such a log already, or has the name
@@ -148,7 +160,7 @@ def run_folder(
     if not log.record:
         return None
     folder = out or new_name(Path(log.directory))
-    _prune(log, folder)  # before anything new needs room
+    _prune(log, folder, say)  # before anything new needs room
     try:
         if folder.suffix == LOG_SUFFIX:
             raise NotADirectoryError(errno.ENOTDIR, "is the name of a log, not of its folder")
@@ -169,7 +181,7 @@ def run_folder(
     return folder
 
 
-def _prune(log: LogSettings, spare: Path) -> None:
+def _prune(log: LogSettings, spare: Path, say: Callable[[str], None]) -> None:
     """Delete old runs, as far as the settings say so."""
     pruned = prune(
         Path(log.directory),
@@ -179,7 +191,7 @@ def _prune(log: LogSettings, spare: Path) -> None:
         spare=spare,
     )
     if str(pruned):
-        to_people(f"{log.directory}: {pruned}")
+        say(f"{log.directory}: {pruned}")
 
 
 def observer_for(
@@ -207,6 +219,7 @@ def observer_for(
             "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
         },
         "limits": (log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
+        "json_lines": _lines_order(log) if status_fd is None else None,
         "period_ns": period_ns,
         "lockstep": lockstep,
         "watch": () if lockstep else watched_cpus(config.realtime),
@@ -216,6 +229,13 @@ def observer_for(
         "metrics": _metrics(config.metrics, config.link.secure),
     }
     return ObserverHandle(order, report)
+
+
+def _lines_order(log: LogSettings) -> dict[str, Any] | None:
+    """Where an observer writes JSON lines; one of a `run` writes none, as it is no service."""
+    if log.json_lines is None:
+        return None
+    return {"place": log.json_lines, "most_bytes": log.json_lines_mb * MB}
 
 
 def _metrics(metrics: MetricsSettings, secure: str | None) -> dict[str, Any] | None:
@@ -285,19 +305,19 @@ def run_emulator(
         warnings.simplefilter("ignore", UrdfWarning)
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
-    voice = StatusReporter(status_fd, verbose=verbose)
-    watch_compilation(voice.compiling)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
     run = serve_lockstep if lockstep else serve
     name = description.name
-    observed = _observed("robot", name, config, out, voice, period_ns, lockstep=lockstep)
-    try:
-        with observed as (observer, folder, settled):
-            recorder = _recorder(observer, lockstep=lockstep)
-            asked = observer.watching(should_stop)
-            loop = run(settled, description, recorder, voice.say, asked, ticks)
-    except Hoap3Error as error:
-        return voice.fail(error), None
+    with closing(StatusReporter(status_fd, verbose=verbose)) as voice:
+        watch_compilation(voice.compiling)
+        observed = _observed("robot", name, config, out, voice, period_ns, lockstep=lockstep)
+        try:
+            with observed as (observer, folder, settled):
+                recorder = _recorder(observer, lockstep=lockstep)
+                asked = observer.watching(should_stop)
+                loop = run(settled, description, recorder, voice.say, asked, ticks)
+        except Hoap3Error as error:
+            return voice.fail(error), None
     summary = observer.final.get("summary")
     if summary is not None:
         summary["log_lost"] = [observer.lost] if observer.lost else []
@@ -318,21 +338,21 @@ def run_controller(
 ) -> int:
     """Run a controller until it is told to stop; exit code 1 where its log or metrics were lost."""
     check_open_files()
-    voice = StatusReporter(status_fd, verbose=verbose)
-    watch_compilation(voice.compiling)
     from hoap3.remote_controller.service import Service
 
     on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
-    observed = _observed("controller", config.robot, config, out, voice, 1_000_000)
-    try:
-        with observed as (observer, folder, settled):
-            one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
-            robot = _robot_of(settled, file) if settled.link.kind == "hoap3_tcp" else None
-            asked = observer.watching(should_stop)
-            Service(settled, one, voice.say, asked, file, other, on_stop, robot).run()
-    except Hoap3Error as error:
-        return voice.fail(error)
-    voice.result(f"log: {folder or 'none'}")
+    with closing(StatusReporter(status_fd, verbose=verbose)) as voice:
+        watch_compilation(voice.compiling)
+        observed = _observed("controller", config.robot, config, out, voice, 1_000_000)
+        try:
+            with observed as (observer, folder, settled):
+                one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
+                robot = _robot_of(settled, file) if settled.link.kind == "hoap3_tcp" else None
+                asked = observer.watching(should_stop)
+                Service(settled, one, voice.say, asked, file, other, on_stop, robot).run()
+        except Hoap3Error as error:
+            return voice.fail(error)
+        voice.result(f"log: {folder or 'none'}")
     return 1 if observer.lost or observer.unserved else 0
 
 
@@ -378,7 +398,8 @@ def _observed(
     has happened leaves no log.
     """
     notify = notify_settings(voice.status_fd)
-    made, folder = is_new(out), run_folder(config.log, out, (side,))
+    voice.write_lines(config.log, side, robot)
+    made, folder = is_new(out), run_folder(config.log, out, (side,), voice.say)
     claim = None
     if not lockstep:
         realtime, claim = settled_alone(config.realtime, side, voice.say)
@@ -426,8 +447,31 @@ class StatusReporter:
 
     def __init__(self, status_fd: int | None, *, verbose: bool = False) -> None:
         self.status_fd, self._verbose = status_fd, verbose
-        self._meter = Meter("compiling kernels, once for each version", None)
+        self._meter = Meter(COMPILING, None)
         self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
+        self._lines: QueuedLines | None = None
+        self._quiet = self._compiled = False
+        self._shown = warnings.showwarning
+
+    def write_lines(self, log: LogSettings, side: str, robot: str) -> None:
+        """From now on write JSON lines, too, where the settings say so; in a `run` never.
+
+        Raises:
+            ConfigError: they cannot be written there.
+        """
+        if log.json_lines is None or self.status_fd is not None:
+            return
+        lines = JsonLines(log.json_lines, facts_of(side, robot), to_people)
+        try:
+            lines.open()
+        except OSError as error:
+            problem = f"cannot be written: {error.strerror}"
+            remedy = "Name a file in a folder that is there, stdout, or null"
+            raise ConfigError(
+                "settings", "log.json_lines", log.json_lines, problem, remedy
+            ) from error
+        self._lines, self._quiet = QueuedLines(lines), log.tells_json
+        warnings.showwarning = self._warn
 
     def say(self, text: str, news: str = "said") -> None:
         """Something to know; of which kind, for the process that started us."""
@@ -437,17 +481,23 @@ class StatusReporter:
 
     def compiling(self, kernel: str) -> None:
         """Tell that a kernel is being compiled."""
-        if self._stream is None:
-            self._meter.step(kernel)
-        else:
+        if self._stream is not None:
             self.say(kernel, news="compiling")
+            return
+        if self._lines is not None and not self._compiled:
+            self._compiled = True
+            self._lines.write(*OF_NEWS["compiling"], COMPILING)
+        if not self._quiet:
+            self._meter.step(kernel)
 
     def result(self, text: str) -> None:
         """What the service leaves; to people on standard output."""
-        if self._stream is None:
-            print_line(text)
-        else:
+        if self._stream is not None or self._quiet:
             self.say(Routine(text))
+            return
+        print_line(text)
+        if self._lines is not None:
+            self._lines.write(*OF_NEWS["routine"], text)
 
     def lost(self, text: str) -> None:
         """The log of this service is lost."""
@@ -457,11 +507,27 @@ class StatusReporter:
         """Tell what ended the service; its exit code. With nobody to tell, raise it again."""
         usage = isinstance(error, UsageError)
         if self._stream is None:
+            if self._lines is not None:
+                self._lines.write(*OF_NEWS["failed"], str(error))
             raise error
         self._send({"news": "failed", "text": str(error), "usage": usage})
         return 2 if usage else 1
 
+    def close(self) -> None:
+        """Write what is left of the JSON lines."""
+        if self._lines is not None:
+            warnings.showwarning = self._shown
+            self._lines.close()
+
+    def _warn(self, message: Warning | str, *about: Any, **more: Any) -> None:
+        if self._lines is not None:
+            self._lines.write("warning", "warning", str(message))
+        if not self._quiet:
+            self._shown(message, *about, **more)
+
     def _send(self, item: dict[str, Any]) -> None:
+        if self._lines is not None:
+            self._lines.write(*OF_NEWS[item["news"]], str(item["text"]))
         try:
             if self._stream is not None:
                 self._stream.write(json.dumps(item) + "\n")
@@ -469,4 +535,5 @@ class StatusReporter:
                 return
         except BrokenPipeError:  # whoever started us is gone
             self._stream = None
-        to_people(item["text"])
+        if not self._quiet:
+            to_people(item["text"])

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import Literal
 
 from hoap3.protocol.messages import Event
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 
 _CONSTANTS = Event.schema.constants
 MOST_ERRNO = 4096  # anybody may publish an event with another detail
-_NAMES = {
-    value: name.lower().replace("_", " ")
-    for name, value in _CONSTANTS.items()
-    if not name.startswith(("REASON_", "WIRE_"))
+EVENT_NAMES = {
+    value: name for name, value in _CONSTANTS.items() if not name.startswith(("REASON_", "WIRE_"))
 }
+_NAMES = {value: name.lower().replace("_", " ") for value, name in EVENT_NAMES.items()}
 _REASONS = {
     value: name.removeprefix("REASON_").lower().replace("_", " ")
     for name, value in _CONSTANTS.items()
@@ -52,12 +52,21 @@ _ROUTINE = {
         *("ROBOT_FOUND", "ROBOT_LOST", "STALLS_WATCHED"),
     )
 }
+_CALM = {_CONSTANTS[name] for name in ("RECOVERED", "CHANGED", "CONDITION_ENDED")}
+_GRAVE = {_CONSTANTS[name] for name in ("CONTROLLER_FAILED", "LOG_LOST")}
 _ORDERLY = {_CONSTANTS["REASON_ENDED"], _CONSTANTS["REASON_SHUTDOWN"]}
 
 
 def is_routine(kind: int, detail: int) -> bool:
     """Whether an event is part of every run that goes well."""
     return kind in _ROUTINE or (kind == _CONSTANTS["SAFE_STOP"] and detail in _ORDERLY)
+
+
+def severity(kind: int, detail: int) -> Literal["info", "warning", "error"]:
+    """How bad an event is; a safe stop that misses or a lost holder forced is an error."""
+    if kind in _GRAVE or (kind == _CONSTANTS["SAFE_STOP"] and detail in _FORCED):
+        return "error"
+    return "info" if kind in _CALM or is_routine(kind, detail) else "warning"
 
 
 def event_name(kind: int, detail: int) -> str:

@@ -1,30 +1,38 @@
-"""A disk that is full and descriptors that are used up, while a robot runs: it does not notice."""
+"""No room on a disk, in a folder or for descriptors, while a robot runs: it does not notice."""
 
 from __future__ import annotations
 
 import os
 import resource
 import signal
+import socket
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from support.command_bench import (
     PATIENCE_S,
     PATIENT,
     QUIET,
+    Command,
     assert_no_traceback,
     controller,
     emulator,
     endpoint,
+    free_port,
     tell,
     wait_for_mode,
 )
 
 import hoap3
 from hoap3.protocol.link.local_control import local_robots
+from hoap3.tools.logs.log import Log
 
 pytestmark = pytest.mark.slow
 
+OBSERVER = "hoap3.tools.services.observer"
+SMALL_FILES = ("--set", "log.file_mb=1")
+MODES_COUNT = ("setpriv", "--bounding-set=-dac_override") if os.geteuid() == 0 else ()
 SMALL_DISK = (
     *("unshare", "--mount", *(() if os.geteuid() == 0 else ("--map-root-user",))),
     *("sh", "-c", 'mount -t tmpfs -o size=600k tmpfs "$0" && exec "$@"'),
@@ -38,6 +46,12 @@ def use_up_descriptors(pid: int) -> tuple[int, int]:
     before = resource.prlimit(pid, resource.RLIMIT_NOFILE)
     resource.prlimit(pid, resource.RLIMIT_NOFILE, (free, before[1]))
     return before
+
+
+def observer_of(service: Command) -> int:
+    """Process id of its observer."""
+    (pid,) = [pid for pid, words in service.family().items() if OBSERVER in words]
+    return pid
 
 
 def assert_goes_on(at: str) -> None:
@@ -69,6 +83,86 @@ def test_a_full_disk_costs_the_log_alone(tmp_path: Path) -> None:
         assert law.end(signal.SIGTERM) == 0
         assert_no_traceback(robot)
         robot.assert_no_orphan()
+
+
+def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(
+    tmp_path: Path,
+) -> None:
+    at, out = endpoint(), tmp_path / "log"
+    with (
+        emulator(
+            *("hoap3", *PATIENT, *SMALL_FILES, "--out", out, "--json"), at=at, wrapper=MODES_COUNT
+        ) as robot,
+        hoap3.connect("hoap3", at) as connection,
+        controller("qp12", *QUIET, at=at) as law,
+    ):
+        wait_for_mode("active", at)
+        out.chmod(0o555)
+        assert "LOG_LOST" in (event["event"] for event in connection.events(PATIENCE_S))
+        robot.hear("robot's log is not whole: .*Permission denied")
+        assert_goes_on(at)
+        assert robot.end(signal.SIGTERM) == 1
+        assert len(robot.json()["log_lost"]) == 1
+        assert law.end(signal.SIGTERM) == 0
+        assert_no_traceback(robot)
+    out.chmod(0o755)
+    assert [path.name for path in out.iterdir()] == ["robot.mcap"]
+    with (out / "robot.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count > 1000
+
+
+@pytest.mark.parametrize("side", ["robot", "controller"])
+def test_an_observer_without_descriptors_writes_on_and_serves_who_waits(
+    tmp_path: Path, side: str
+) -> None:
+    at, out, port = endpoint(), tmp_path / "log", free_port()
+    watched = ("--out", out, *SMALL_FILES, "--set", f"metrics.port={port}")
+    kept = dict.fromkeys(("robot", "controller"), QUIET) | {side: watched}
+    with (
+        emulator("hoap3", *PATIENT, *kept["robot"], at=at) as robot,
+        controller("qp12", *kept["controller"], at=at) as law,
+    ):
+        service = robot if side == "robot" else law
+        service.hear("metrics at")
+        wait_for_mode("active", at)
+        observer = observer_of(service)
+        before = use_up_descriptors(observer)
+        with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as client:
+            client.sendall(b"GET /metrics HTTP/1.0\r\n\r\n")  # nobody can take it now
+            while not (out / f"{side}.0001.mcap").exists():
+                assert_goes_on(at)
+            resource.prlimit(observer, resource.RLIMIT_NOFILE, before)
+            assert b" 200 " in client.recv(100)
+        assert law.end(signal.SIGTERM) == 0
+        robot.end(signal.SIGTERM)
+        for each in (robot, law):
+            assert "not whole" not in each.stderr
+            assert_no_traceback(each)
+    assert not Log.open(out, side=side).missing
+
+
+def test_a_controller_without_descriptors_follows_its_robot_and_then_finds_another(
+    tmp_path: Path,
+) -> None:
+    at = endpoint()
+    with controller("qp12", "--out", tmp_path, at=at) as law:
+        with emulator("hoap3", *QUIET, *PATIENT, at=at) as robot:
+            wait_for_mode("active", at)
+            before = use_up_descriptors(law.process.pid)
+            assert_goes_on(at)
+            robot.send(signal.SIGKILL)
+            robot.end()
+        with emulator("hoap3", *QUIET, *PATIENT, at=at) as robot:
+            resource.prlimit(law.process.pid, resource.RLIMIT_NOFILE, before)
+            law.hear("following robot", times=2)
+            wait_for_mode("active", at)
+            robot.end(signal.SIGTERM)
+        assert law.end(signal.SIGTERM) == 0
+        assert "not whole" not in law.stderr
+        assert_no_traceback(law)
 
 
 def test_a_robot_without_descriptors_serves_whom_it_knows_and_then_all(tmp_path: Path) -> None:

@@ -49,7 +49,13 @@ class FoxgloveClient:
     def look_at_all(self) -> None:
         """Subscribe to all there is, and all that is still to come."""
         self._wanted = True
-        self._subscribe(list(self.channels.values()))
+        self.look_at(list(self.channels.values()))
+
+    def look_at(self, channels: list[dict[str, Any]]) -> None:
+        """Subscribe to these, as they were told."""
+        self._topics.update({channel["id"]: channel["topic"] for channel in channels})
+        wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+        self._tell(op="subscribe", subscriptions=wanted)
 
     def advertise(self, topic: str, schema: str, encoding: str = "json", number: int = 1) -> None:
         """Say that we will publish."""
@@ -68,7 +74,7 @@ class FoxgloveClient:
                 return
             again()
             try:
-                while True:
+                while not true():
                     self._take(self._socket.recv(timeout=0.02))
             except TimeoutError:
                 continue
@@ -102,11 +108,6 @@ class FoxgloveClient:
     def _tell(self, **content: Any) -> None:
         self._socket.send(json.dumps(content))
 
-    def _subscribe(self, channels: list[dict[str, Any]]) -> None:
-        self._topics.update({channel["id"]: channel["topic"] for channel in channels})
-        wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
-        self._tell(op="subscribe", subscriptions=wanted)
-
     def _take(self, message: str | bytes) -> None:
         if isinstance(message, bytes):
             opcode, number, _ = struct.unpack_from("<BIQ", message)
@@ -120,7 +121,7 @@ class FoxgloveClient:
             case "advertise":
                 self.channels.update({each["topic"]: each for each in content["channels"]})
                 if self._wanted:
-                    self._subscribe(content["channels"])
+                    self.look_at(content["channels"])
             case "unadvertise":
                 gone = set(content["channelIds"])
                 for topic in [t for t, c in self.channels.items() if c["id"] in gone]:

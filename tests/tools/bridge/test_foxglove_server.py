@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 from foxglove_client import FoxgloveClient
 from looked_at import LookedAt, fed, until
-from support.command_bench import endpoint
+from support.command_bench import PATIENCE_S, endpoint
 from support.small_arm import arm
 
 from hoap3.protocol.description import RobotDescription
@@ -96,6 +99,21 @@ def test_who_comes_later_is_given_the_description(server: FoxgloveServer, at: st
             with FoxgloveClient(server.port) as client:
                 client.look_at_all()
                 client.hear(lambda: client.messages.get("/robot_description"))
+
+
+@pytest.mark.slow
+def test_a_client_that_asks_for_a_channel_that_is_gone_holds_up_nobody() -> None:
+    here = Path(__file__).parent
+    paths = os.pathsep.join([str(here), str(here.parents[1]), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(  # apart, as a server that stands still takes its process with it
+        [sys.executable, here / "late_subscriber.py"],
+        env={**os.environ, "PYTHONPATH": paths},
+        timeout=PATIENCE_S,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow

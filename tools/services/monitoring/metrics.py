@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
@@ -30,6 +32,7 @@ BUCKETS_US = (
     *(2000, 5000, 10_000, 20_000, 50_000, 100_000, 1_000_000),
 )
 """Of round trips and wake-ups, close together where the deadline of a 1 kHz loop stands."""
+ACCEPT_PAUSE_S = 0.1  # until a client is accepted that could not be
 STAGE_BUCKETS_US = (1, 2, 5, 10, 20, 50, 100, 200, 300, 500, 700, 1000, 2000, 5000, 20_000)
 
 
@@ -186,14 +189,35 @@ def histogram(
 class MetricsServer:
     """Serves figures at `http://HOST:PORT/metrics` until the process ends.
 
+    Args:
+        metrics: that are collected.
+        host, port: where it listens; port 0: a free one.
+        pause: takes how long to wait [s] before a client is accepted that could not be.
+
     Raises:
         OSError: the port is taken, or the address is none of this machine.
     """
 
-    def __init__(self, metrics: ServiceMetrics, host: str, port: int) -> None:
+    def __init__(
+        self,
+        metrics: ServiceMetrics,
+        host: str,
+        port: int,
+        pause: Callable[[float], object] = time.sleep,
+    ) -> None:
         registry = CollectorRegistry()
         registry.register(metrics)
         self._server, _ = start_http_server(port, addr=host, registry=registry)
+        accept = self._server.get_request
+
+        def accepted() -> Any:
+            try:
+                return accept()
+            except OSError:  # no descriptor is left: the client waits, and would be tried at once
+                pause(ACCEPT_PAUSE_S)
+                raise
+
+        self._server.get_request = accepted  # type: ignore[method-assign]
         self.url = f"http://{host}:{self._server.server_port}/metrics"
 
     def close(self) -> None:

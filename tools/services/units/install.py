@@ -72,12 +72,13 @@ def install(
 
     Raises:
         UsageError: a setting would be refused at the start, a name will not do, another file has
-            the unit's name, or the folder cannot be written.
+            the unit's name, or a folder cannot be written.
     """
     if secure is not None:
         overrides = [*overrides, f"link.secure={json.dumps(str(Path(secure).absolute()))}"]
     settings, file = _settings(side, config, overrides)
     certificate = _checked_certificate(settings, file, user=user, of_user=of_user)
+    lines = _checked_lines(settings.log.json_lines, file, user=user, of_user=of_user)
     watchdog_s = WATCHDOG_S[side] if watchdog_s is None else watchdog_s
     least = LEAST_WATCHDOG_S[side]
     if not least <= watchdog_s <= LONGEST_WATCHDOG_S:
@@ -106,6 +107,7 @@ def install(
             *(program, Path(sys.executable).resolve(), Path(sys.prefix), Path(file).resolve()),
             *([certificate] if certificate else []),
         ),
+        writes=(lines,) if lines else (),
     )
     path = (out or _folder(of_user=of_user)) / f"{name}.service"
     _write(path, unit.text)
@@ -148,6 +150,25 @@ def _checked_certificate(
     if user is None and not of_user:
         problem = f"is missing: a user that systemd makes cannot read {folder / KEY_FILE}"
         raise ConfigError("--as", "", None, problem, "Name the owner of that file: --as USER")
+    return folder
+
+
+def _checked_lines(place: str | None, file: str, *, user: str | None, of_user: bool) -> Path | None:
+    """The folder of the service's JSON lines where that is none of its own; else None.
+
+    Raises:
+        ConfigError: the folder is not there, or the service could not write there.
+    """
+    if place is None or of_user or not Path(place).is_absolute():
+        return None
+    folder, key = Path(place).parent, "log.json_lines"
+    if not folder.is_dir():
+        remedy = "Make it, and give it to the service's user"
+        raise ConfigError(file, key, place, f"there is no folder {folder}", remedy)
+    if user is None:
+        problem = f"a user that systemd makes cannot write to {folder}"
+        remedy = "Name who can: --as USER; or write a name without /, for a file beside the logs"
+        raise ConfigError(file, key, place, problem, remedy)
     return folder
 
 

@@ -68,6 +68,7 @@ class Unit:
         user: whom it runs as; None for one that systemd makes for it.
         of_user: whether it is a unit of a user's own systemd.
         reads: files and folders that it reads.
+        writes: folders that it writes to, beside its own.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Unit:
     user: str | None = None
     of_user: bool = False
     reads: Sequence[Path] = ()
+    writes: Sequence[Path] = ()
 
     @property
     def text(self) -> str:
@@ -121,6 +123,8 @@ class Unit:
             hardening = HARDENING_OF_USERS
         else:
             lines.append(f"User={self.user}" if self.user else "DynamicUser=yes")
+            folders = (quoted(str(folder)).replace("$$", "$") for folder in self.writes)
+            lines += [f"ReadWritePaths={folder}" for folder in folders]
             hardening = HARDENING.format(home="read-only" if self._at_home else "yes")
         return _section("Service", lines) + "\n" + hardening
 
@@ -131,7 +135,9 @@ class Unit:
 
     @property
     def _at_home(self) -> bool:
-        return any(path.is_relative_to(home) for path in self.reads for home in HOMES)
+        return any(
+            path.is_relative_to(home) for path in (*self.reads, *self.writes) for home in HOMES
+        )
 
 
 def quoted(word: str) -> str:

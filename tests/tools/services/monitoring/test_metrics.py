@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import socket
+import threading
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 from support.certificates.laboratory import laboratory
-from support.command_bench import free_port
+from support.command_bench import PATIENCE_S, free_port
 from support.robot_bench import Bench
 
 from hoap3.protocol.config.settings import MetricsSettings
@@ -202,3 +204,27 @@ def test_the_end_of_a_certificate_is_told_where_there_is_one(ring: Ring, tmp_pat
     assert name not in read(metrics)
     metrics.certificate_ends = told["certificate_ends"]
     assert read(metrics)[name] == read_credentials(certs / "arm").expires.timestamp()
+
+
+def test_a_client_that_cannot_be_accepted_is_not_tried_at_once_again(ring: Ring) -> None:
+    tried, goes_on = threading.Semaphore(0), threading.Event()
+
+    def pause(_: float) -> None:
+        tried.release()
+        goes_on.wait()
+
+    server = MetricsServer(of_a_run(Bench(), ring), "127.0.0.1", free_port(), pause)
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with socket.socket() as client:
+        first_free = os.dup(client.fileno())
+        os.close(first_free)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (first_free, before[1]))
+        try:
+            client.connect(("127.0.0.1", int(server.url.split(":")[2].split("/")[0])))
+            assert tried.acquire(timeout=PATIENCE_S)
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, before)
+            goes_on.set()
+        client.sendall(b"GET /metrics HTTP/1.0\r\n\r\n")
+        assert b" 200 " in client.recv(100)
+    server.close()

@@ -37,6 +37,7 @@ class Service:
             "attachments": {},
             "metadata": {},
             "limits": (100 * FILE, FILE),
+            "json_lines": None,
             "period_ns": 1_000_000,
             "lockstep": False,
             "watch": (),

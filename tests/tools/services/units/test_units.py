@@ -77,6 +77,21 @@ def test_a_users_own_systemd_gets_no_more_than_it_can_grant(
     assert all("--user" in command for command in installed.next)
 
 
+def test_json_lines_outside_the_services_folders_are_for_a_user_with_a_name(tmp_path: Path) -> None:
+    lines = tmp_path / "lines"
+    place = f"log.json_lines={lines}/robot.jsonl"
+    with pytest.raises(ConfigError):
+        install("emulator", "hoap3", [place], out=tmp_path, user="robots")  # no such folder
+    lines.mkdir()
+    with pytest.raises(ConfigError):
+        install("emulator", "hoap3", [place], out=tmp_path)
+    unit = read(install("emulator", "hoap3", [place], out=tmp_path, user="robots").path)
+    assert unit["Service"]["ReadWritePaths"] == [str(lines)]
+    for own in ("robot.jsonl", "stdout"):
+        unit = read(install("emulator", "hoap3", [f"log.json_lines={own}"], out=tmp_path).path)
+        assert "ReadWritePaths" not in unit["Service"]
+
+
 def test_our_own_unit_is_replaced_and_no_other(tmp_path: Path) -> None:
     path = install("emulator", "hoap3", [], out=tmp_path).path
     install("emulator", "hoap3", ["log.record=false"], out=tmp_path)
