@@ -73,6 +73,7 @@ ELSEWHERE = {
         ("certs init", "certs issue", "certs list", "certs renew", "certs revoke"),
         "tests/tools/certs/test_certs_command.py",
     ),
+    "soak": "tests/system/services/test_soak.py",
     "view": "tests/system/view: it runs until it is stopped",
     "new": "tests/tools/new",
     "service install": "tests/tools/services/units/test_units.py: what it writes are files",
