@@ -128,12 +128,12 @@ class ZenohRobotLink:
         """Send a State.
 
         Those who only look on get theirs while the robot has nothing to do: once its answer has
-        come, or before the next where none did.
+        come, or with the next where none did.
         """
-        self._show()
         self._state.put(state)
         if self._old_listens and self._old_asks:
             self._old_state.put(downgraded(State, state))
+        self._show()
         if self._sampling.takes(state):
             self._to_show.append(state)
             if self._blocking:

@@ -406,3 +406,27 @@ def test_who_looks_on_gets_one_message_of_sixteen_ticks(network, side):
             message.load(sample.payload.to_bytes())
             assert message.tick == tick
     assert seen.try_recv() is None
+
+
+def test_who_looks_on_gets_a_state_once_it_is_answered_or_with_the_next(network):
+    robot, controller = network.pair()
+    state, setpoint = State.allocate(q=2), Setpoint.allocate(values=2)
+    seen = controller._session.declare_subscriber(sampled_key("arm", "state/2"))
+    eventually(lambda: robot._sampled.matching_status.matching)
+
+    def publish(tick: int) -> None:
+        state.tick = tick
+        robot.publish(state.dump())
+
+    def shown() -> int:
+        state.load(eventually(seen.try_recv).payload.to_bytes())
+        return state.tick
+
+    publish(0)
+    assert robot._to_show  # it waits
+    controller.publish(setpoint.dump())
+    assert shown() == 0
+    publish(16)
+    assert robot._to_show
+    publish(17)
+    assert shown() == 16
