@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.certificates.secured_arm import assert_stays, secured_arm
+from support.certificates.secured_arm import assert_stays
 from support.command_bench import Command
 from support.pages.steered_arm import FAR, HOME, ROBOT, address, goes_to, hand, steer
 from support.pages.view_bench import page
@@ -24,17 +23,6 @@ DEEDS = (
     {"verb": "stop"},
     {"verb": "recover"},
 )
-
-
-@pytest.fixture(scope="module")
-def certs(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("lab") / "certs"
-
-
-@pytest.fixture(scope="module")
-def secured(certs) -> Iterator[str]:
-    with secured_arm(certs) as at:
-        yield at
 
 
 def view(at: str, directory: Path) -> Command:

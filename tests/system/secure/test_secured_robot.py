@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
-from support.certificates.secured_arm import assert_stays, goes, secured_arm
+from support.certificates.secured_arm import assert_stays, goes
 from support.pages.steered_arm import FAR, HOME, ROBOT, hand
 
 import hoap3
@@ -18,17 +15,6 @@ from hoap3.tools.services import connection
 pytestmark = pytest.mark.slow
 
 STEP_TICKS, POINTS = 50, 60
-
-
-@pytest.fixture(scope="module")
-def certs(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("lab") / "certs"
-
-
-@pytest.fixture(scope="module")
-def secured(certs) -> Iterator[str]:
-    with secured_arm(certs) as at:
-        yield at
 
 
 def test_an_operator_steers_by_targets_and_by_chunks(secured, certs):
