@@ -34,7 +34,12 @@ from hoap3.tools.cli.options import (
     ENDPOINT,
     AsJson,
     Connect,
+    NoRealtime,
+    RunController,
+    RunRobot,
     Secure,
+    Sets,
+    Verbose,
     finite,
     reached,
     with_secure,
@@ -73,18 +78,10 @@ _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)
 
 
-Sets = Annotated[
-    list[str],
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
-]
 Duration = Annotated[
     float | None,
     typer.Option(min=0.001, callback=finite, help="Of motion or record [s]; default: no end."),
 ]
-NoRealtime = Annotated[
-    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
-]
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
 ]
@@ -100,14 +97,8 @@ Running = Annotated[
 
 @app.command()
 def run(
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            help="Robot or emulator config: a name or a path. By default what the controller's "
-            "config names."
-        ),
-    ] = None,
-    controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
+    robot: RunRobot = None,
+    controller: RunController = "qp12",
     duration: Annotated[
         float, typer.Option(min=0.001, callback=finite, help="Of the motion [s].")
     ] = 5.0,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from hoap3.tools.cli.options import AsJson
+from hoap3.tools.cli.options import AsJson, NoRealtime
 from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import print_json, progress
 
@@ -20,9 +20,6 @@ Calls = Annotated[
 ]
 Pairs = Annotated[int, typer.Option(min=2, help="Runs with it, and as many without.")]
 Seconds = Annotated[float, typer.Option(min=1.0, help="Of each run [s].")]
-NoRealtime = Annotated[
-    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
-]
 
 
 def doctor(

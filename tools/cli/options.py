@@ -50,3 +50,19 @@ Connect = Annotated[
         help=f"Endpoint of a robot or a router. Default: this machine, else {ENDPOINT}.",
     ),
 ]
+RunRobot = Annotated[
+    str | None,
+    typer.Option(
+        help="Robot or emulator config: a name or a path. By default what the controller's "
+        "config names."
+    ),
+]
+RunController = Annotated[str, typer.Option(help="Controller config: a name or a path.")]
+NoRealtime = Annotated[
+    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
+]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")]
+Sets = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
+]

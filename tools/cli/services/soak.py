@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from hoap3.protocol.errors import UsageError
-from hoap3.tools.cli.options import AsJson, finite
+from hoap3.tools.cli.options import (
+    AsJson,
+    NoRealtime,
+    RunController,
+    RunRobot,
+    Sets,
+    Verbose,
+    finite,
+)
 from hoap3.tools.machine.processes import StopFlag
 from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import print_json, print_note
@@ -33,28 +41,16 @@ def soak(
             help="Of them at the begin, which are not measured [min]; default: 1/9, at most 10.",
         ),
     ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            help="Robot or emulator config: a name or a path. By default what the controller's "
-            "config names."
-        ),
-    ] = None,
-    controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
+    robot: RunRobot = None,
+    controller: RunController = "qp12",
     out: Annotated[
         Path | None,
         typer.Option("--out", help="Folder for logs and results; default: a new one in logs/."),
     ] = None,
     as_json: AsJson = False,
-    no_realtime: Annotated[
-        bool,
-        typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory."),
-    ] = False,
-    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")] = False,
-    sets: Annotated[
-        list[str],
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, as for `run`."),
-    ] = [],  # noqa: B006 - typer's own way
+    no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
+    sets: Sets = [],  # noqa: B006 - typer's own way
 ) -> None:
     """Run robot and controller for hours; judge memory, descriptors, threads, phase, deadlines."""
     stop = StopFlag()
