@@ -71,6 +71,7 @@ class StableQpController(VelocityController):
     extra_names = ("psi", "drift", "solver_status")
     kernels = (
         "hoap3.remote_controller.solvers.lyapunov_qp.lyapunov_qp_kernels",
+        "hoap3.remote_controller.solvers.lyapunov_qp.dual_newton_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.kkt_residual_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.lp_norm_kernels",

@@ -45,6 +45,7 @@ class MaxDescentLp:
 
     Attributes:
         n: number of joints.
+        k: rows of C.
         weights: (n,).
         top: what ∇V was divided by.
         used: number of rows of A that are in use; only these are written.
@@ -75,7 +76,7 @@ class MaxDescentLp:
             raise BadProblemError(f"weights must be {n} positive numbers, one for each joint.")
         self.n, self._kind = n, kind
         count = m + 1 + k
-        self._k, self.top, self.v, self.sure = k, 0.0, np.zeros(n), True
+        self.k, self.top, self.v, self.sure = k, 0.0, np.zeros(n), True
         self._multipliers = np.zeros(count)
         extra = 2 * n if kind == kernels.MAXIMUM else 0
         variables = {kernels.NORM: 2 * n, kernels.MAXIMUM: n + 1}.get(kind, n)
@@ -107,7 +108,7 @@ class MaxDescentLp:
 
     def _use(self, used: int) -> None:
         """Lay out views of so many rows of A, and what follows them."""
-        n, count = self.n, used + 1 + self._k
+        n, count = self.n, used + 1 + self.k
         self.used, self.slope = used, self._rows[used]
         self.rows, self.least, self.most = (
             self._rows[:count],
@@ -121,7 +122,7 @@ class MaxDescentLp:
         self.qp_rows, self.qp_least = self._qp_rows[:rows], self._qp_least[:last]
         self.qp_most, self.qp_sense = self._qp_most[:last], self._qp_sense[:last]
         self.qp_sense[self._variables :] = 0
-        self.qp_sense[first : first + self._k] = EQUATION
+        self.qp_sense[first : first + self.k] = EQUATION
 
     def fall(self, direction: float = 1.0, enough: float = NO_BOUND) -> tuple[int, float]:
         """Largest −s·y, s = W⁻¹∇V/top, up to `enough`; the largest s·y for direction −1.

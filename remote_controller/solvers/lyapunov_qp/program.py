@@ -2,6 +2,10 @@
 
 In the variables y = W u: for QP12, ℓ1 and ℓ2 y = p − m with p, m ≥ 0, which is strictly convex and
 exact (p·m = 0 at the optimum); for ℓ∞ y and max|y|; for least squares y alone.
+
+For QP12, ℓ1 and ℓ2 with equations Newton's method for the dual (`dual_newton_kernels`) comes before
+daqp: where no row of A holds the answer back, it has one sooner. Without equations exact clamping
+would have had that answer before.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares:
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 PROXIMAL_STEPS = 10
 PROVED = 1e-8  # residual: less is one
+EXACT = 1e-11  # residual of what Newton's method finds; where it is more, the QP solver is asked
 KEPT = 1e-8  # [of W u] how far beyond a bound or a row an answer may be, whatever the tolerance
 BEYOND = 10.0  # of a solver's own end: as far beyond a limit an answer may be
 
@@ -51,6 +56,7 @@ class StableProgram:
 
     def __init__(self, kind: int, scaled: MaxDescentLp, *, equality: bool, solver: str) -> None:
         from hoap3.remote_controller.solvers.lyapunov_qp import (
+            dual_newton_kernels,
             kkt_residual_kernels,
             row_projection_kernels,
         )
@@ -63,6 +69,11 @@ class StableProgram:
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
         self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
+        self._newton = dual_newton_kernels.dual_newton
+        self._newton_first = kind == NORM and solver == "daqp" and scaled.k > 0
+        count = len(scaled.rows)
+        self._newton_work = np.zeros((6, 2 * scaled.n)), np.zeros((2, count))
+        self._factor, self._multipliers = np.zeros((count, count)), np.zeros(count)
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
         self.y, self.residual, self._held = np.zeros(scaled.n), math.inf, 0.0
         self._turned = [each.copy() for each in (scaled.qp_rows, scaled.qp_least, scaled.qp_most)]
@@ -182,42 +193,31 @@ class StableProgram:
         `turns` has λ and μ of rows that were turned. False where there is no answer, or what the
         solver calls one is beyond a bound or a row.
         """
-        program, rows, n = self._program, self._scaled, self._scaled.n
-        f = program.f
-        slope, kappa = rows.slope, 0.0
-        if self._kind == SQUARES:
-            self._pull[:] = f
-            f += price * slope
-        elif self._kind == MAXIMUM:
-            np.multiply(slope, price, out=f[:n])
-            kappa = f[-1] = 1.0 / SMALL_SQUARES
-        else:
-            kappa = gamma / (1.0 - gamma)
-            f.fill(kappa)
-            if price != 0.0:
-                f[:n] += price * slope
-                f[n:] -= price * slope
-        solved, x, multipliers = self._attempt(tolerance)
-        if solved and self._kind == MAXIMUM:  # which has no square of its own
-            solved, x, multipliers = self._settle(tolerance, x, multipliers)
-        if self._kind == SQUARES:
-            f[:] = self._pull
-        if not solved:
+        kappa = self._kappa(gamma)
+        if self._newton_first and turns is None:
+            proof = self._by_newton(price, kappa)
+            if proof is not None:
+                broken = self._judge(proof, price, kappa, target, equality)
+                if broken <= tolerance and self.residual <= EXACT:
+                    return True
+        proof = self._by_backend(price, kappa, tolerance)
+        if proof is None:
             return False
-        if self._kind == NORM:
-            np.subtract(x[:n], x[n:], out=self.y)
-        else:
-            self.y[:] = x[:n]
-        if self._kind == SQUARES:
-            self._pull[:] = self.y - (program.H @ self.y + f)
-        proof = multipliers[: len(rows.rows)]
         if turns is not None:
             proof *= turns[:, 0]
-            proof[rows.used] -= float(turns[:, 1] @ proof)
+            proof[self._scaled.used] -= float(turns[:, 1] @ proof)
+        broken = self._judge(proof, price, kappa, target, equality)
+        return broken <= max(min(tolerance, KEPT), self._end)
+
+    def _judge(
+        self, proof: Array, price: float, kappa: float, target: float | None, equality: bool
+    ) -> float:
+        """Set the residual of y, by the multipliers of the rows; how far y is beyond a limit."""
+        rows = self._scaled
         self._held = float(proof[rows.used])
         if target is None:
             proof[rows.used] += price  # the reward stands for part of the equation's multiplier
-            target = float(slope @ self.y)
+            target = float(rows.slope @ self.y)
         self.residual, broken = self._prove(
             self.y,
             self._pull,
@@ -232,7 +232,63 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return broken <= max(min(tolerance, KEPT), self._end)
+        return broken
+
+    def _kappa(self, gamma: float) -> float:
+        """Weight of |y|₁, or of max|y|, beside ½|y|²."""
+        if self._kind == SQUARES:
+            return 0.0
+        return 1.0 / SMALL_SQUARES if self._kind == MAXIMUM else gamma / (1.0 - gamma)
+
+    def _by_newton(self, price: float, kappa: float) -> Array | None:
+        """Set y where equations and bounds alone hold it back; multipliers of the rows."""
+        program, rows = self._program, self._scaled
+        row, multipliers = program.f.size + rows.used, self._multipliers[: len(rows.rows)]
+        found = self._newton(
+            rows.rows,
+            rows.used,
+            rows.least,
+            rows.most,
+            program.least[row],
+            program.most[row],
+            price,
+            kappa,
+            *self._newton_work,
+            self._factor,
+            self.y,
+            multipliers,
+        )
+        return multipliers if found else None
+
+    def _by_backend(self, price: float, kappa: float, tolerance: float) -> Array | None:
+        """Set y as the QP solver finds it; multipliers of the rows, None where it gave up."""
+        program, rows, n = self._program, self._scaled, self._scaled.n
+        f, slope = program.f, rows.slope
+        if self._kind == SQUARES:
+            self._pull[:] = f
+            f += price * slope
+        elif self._kind == MAXIMUM:
+            np.multiply(slope, price, out=f[:n])
+            f[-1] = kappa
+        else:
+            f.fill(kappa)
+            if price != 0.0:
+                f[:n] += price * slope
+                f[n:] -= price * slope
+        solved, x, multipliers = self._attempt(tolerance)
+        if solved and self._kind == MAXIMUM:  # which has no square of its own
+            solved, x, multipliers = self._settle(tolerance, x, multipliers)
+        if self._kind == SQUARES:
+            f[:] = self._pull
+        if not solved:
+            return None
+        if self._kind == NORM:
+            np.subtract(x[:n], x[n:], out=self.y)
+        else:
+            self.y[:] = x[:n]
+        if self._kind == SQUARES:
+            self._pull[:] = self.y - (program.H @ self.y + f)
+        return multipliers[: len(rows.rows)]
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""

@@ -11,7 +11,8 @@ first:
 
 1. QP12, then QP12 within the bounds by exact clamping, ρ in closed form. Where that keeps all
    rows, it is the answer.
-2. The QP with ρ = 1, by daqp.
+2. The QP with ρ = 1: with equations, and no row of A active, by Newton's method for its dual, else
+   by daqp.
 3. If that has no solution, the LP (7), which is then bounded, and the QP with ρ a little below ρ*
    (by 1e-9 of it): at ρ* itself the feasible set is a point, which rounding may remove. While ρ
    stays below 1, the LP comes first at the next solves: that changes their time, not their answer.
