@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from hoap3.protocol.config.settings import RobotName, Settings, load_yaml, parse
 from hoap3.protocol.secure.roles import Role
@@ -28,6 +28,12 @@ class Access(Settings):
     operators: tuple[RobotName, ...] = Field((), description="may steer, change and stop")
     observers: tuple[RobotName, ...] = Field((), description="may only read")
     admins: tuple[RobotName, ...] = Field((), description="may stop, recover and release")
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _nobody(cls, names: Any) -> Any:
+        """`operators:` with nothing behind it is a list of nobody."""
+        return () if names is None else names
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -79,7 +79,7 @@ def init(folder: Path, valid: timedelta) -> Path:
 
 def issue(
     folder: Path, name: str, role: Role, hosts: Sequence[str], valid: timedelta
-) -> tuple[Path, list[Path]]:
+) -> tuple[Path, list[Path], list[str]]:
     """Make a certificate.
 
     Args:
@@ -90,7 +90,7 @@ def issue(
         valid: for how long.
 
     Returns:
-        Its directory, and the lists of robots that were changed.
+        Its directory, the lists of robots that were changed, and for each that cannot be, why.
 
     Raises:
         UsageError: the name is taken, or no robot and yet hosts.
@@ -105,9 +105,17 @@ def issue(
     entry = parse(Entry, {"name": name, "role": role, "expires": ""}, "hoap3 certs issue")
     _check_hosts(hosts, entry)
     entry = _make(folder, entry, [*HOSTS, *hosts] if role == "robot" else [], valid)
-    changed = _list_in_robots(folder, register, entry)
+    changed: list[Path] = []
+    failed: list[str] = []
+    if role == "robot":
+        changed.append(folder / name / ACCESS_FILE)
+        _write(changed[0], _everybody(register).to_yaml().encode())
+    else:  # the name may stand there by hand
+        changed, failed = _change_lists(
+            folder, register, lambda access: access.without(name).with_name(name, role)
+        )
     _save(folder, register.with_entry(entry))
-    return folder / name, changed
+    return folder / name, changed, failed
 
 
 def renew(folder: Path, name: str, valid: timedelta, hosts: Sequence[str] = ()) -> Path:
@@ -148,16 +156,7 @@ def revoke(folder: Path, name: str) -> tuple[list[Path], list[str]]:
             f"{name!r} is a robot, which is on no list: where its key was stolen, begin with a new "
             "authority"
         )
-    changed, failed = [], []
-    for place in _robot_places(folder, register):
-        file = place / ACCESS_FILE
-        try:
-            access = read_access(place)
-            if name in access.roles:
-                _write(file, access.without(name).to_yaml().encode())
-                changed.append(file)
-        except (ConfigError, OSError) as error:
-            failed.append(str(error) if isinstance(error, ConfigError) else f"{file}: {error}")
+    changed, failed = _change_lists(folder, register, lambda access: access.without(name))
     _save(folder, register.with_entry(entry.model_copy(update={"revoked": True})))
     return changed, failed
 
@@ -194,32 +193,34 @@ def _make(folder: Path, entry: Entry, hosts: Sequence[str], valid: timedelta) ->
     return entry.model_copy(update={"expires": certificate.not_valid_after_utc.isoformat()})
 
 
-def _list_in_robots(folder: Path, register: Register, entry: Entry) -> list[Path]:
-    """Give a new robot its list, or a new name to the lists of all robots; what was changed."""
-    if entry.role == "robot":
-        access = Access()
-        for each in register.certificates:
-            if each.role != "robot" and not each.revoked:
-                access = access.with_name(each.name, each.role)
-        file = folder / entry.name / ACCESS_FILE
-        _write(file, access.to_yaml().encode())
-        return [file]
-    changed = []
-    for file, access in _robots(folder, register):
-        others = access.without(entry.name)  # it may stand there by hand
-        _write(file, others.with_name(entry.name, entry.role).to_yaml().encode())
-        changed.append(file)
-    return changed
+def _everybody(register: Register) -> Access:
+    """The list of a new robot: all names that are in use."""
+    access = Access()
+    for each in register.certificates:
+        if each.role != "robot" and not each.revoked:
+            access = access.with_name(each.name, each.role)
+    return access
 
 
-def _robots(folder: Path, register: Register) -> list[tuple[Path, Access]]:
-    """The lists of all robots."""
-    places = _robot_places(folder, register)
-    return [(place / ACCESS_FILE, read_access(place)) for place in places]
-
-
-def _robot_places(folder: Path, register: Register) -> list[Path]:
-    return [folder / each.name for each in register.certificates if each.role == "robot"]
+def _change_lists(
+    folder: Path, register: Register, change: Callable[[Access], Access]
+) -> tuple[list[Path], list[str]]:
+    """Change the lists of all robots; which were, and for each that cannot be, why."""
+    changed: list[Path] = []
+    failed: list[str] = []
+    for robot in register.certificates:
+        if robot.role != "robot":
+            continue
+        file = folder / robot.name / ACCESS_FILE
+        try:
+            before = read_access(file.parent)
+            after = change(before)
+            if after != before:
+                _write(file, after.to_yaml().encode())
+                changed.append(file)
+        except (ConfigError, OSError) as error:
+            failed.append(str(error) if isinstance(error, ConfigError) else f"{file}: {error}")
+    return changed, failed
 
 
 def _check_hosts(hosts: Sequence[str], entry: Entry) -> None:

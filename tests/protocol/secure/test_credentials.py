@@ -80,6 +80,11 @@ def test_a_list_gives_each_name_one_role(tmp_path):
         read_access(tmp_path)
 
 
+def test_a_list_without_names_is_of_nobody(tmp_path):
+    (tmp_path / "access.yaml").write_text("controllers: [qp]\noperators:\nadmins:\n")
+    assert read_access(tmp_path).roles == {"qp": "controller"}
+
+
 @pytest.mark.parametrize("name", ["a.b", "A", "", "*", "a/b", "x" * 33])
 def test_a_list_holds_names_that_no_key_can_mistake(name, tmp_path):
     (tmp_path / "access.yaml").write_text(f"controllers: ['{name}']\n")

@@ -91,6 +91,18 @@ def test_revoking_goes_on_where_the_list_of_one_robot_is_gone(certs):
     assert read_register(certs).find("qp").revoked
 
 
+def test_issuing_goes_on_where_the_list_of_one_robot_is_gone(certs):
+    issue(certs, "late", "robot", [], DAY)
+    (certs / "arm" / "access.yaml").rename(certs / "elsewhere.yaml")
+    place, changed, failed = issue(certs, "new", "observer", [], DAY)
+    assert read_credentials(place).name == "new"
+    assert changed == [certs / "late" / "access.yaml"]
+    assert read_access(certs / "late").roles["new"] == "observer"
+    assert len(failed) == 1
+    assert str(certs / "arm" / "access.yaml") in failed[0]
+    assert read_register(certs).find("new") is not None
+
+
 def hosts(file: Path) -> set[str]:
     from cryptography import x509
 

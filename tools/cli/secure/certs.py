@@ -43,12 +43,16 @@ def issue(
     folder: Folder = HERE,
     days: Days = 365.0,
 ) -> None:
-    """Make a certificate; print the directory that `--secure` takes."""
+    """Make a certificate; print the directory that `--secure` takes.
+
+    Exit code 1: a robot's list is not in the authority's folder, or cannot be read.
+    """
     from hoap3.tools.certs.authority import issue as make
 
-    place, changed = make(folder, name, role, host or [], timedelta(days=days))
+    place, changed, failed = make(folder, name, role, host or [], timedelta(days=days))
     print_line(str(place))
     _tell(changed, "a robot that runs takes the new name when it starts again")
+    _tell_left(failed, f"Its robot does not let {name!r} in: write the name to its list by hand")
 
 
 @certs_app.command("list")
@@ -83,10 +87,7 @@ def revoke(name: Name, folder: Folder = HERE) -> None:
     changed, failed = take(folder, name)
     print_line(f"{name}: revoked")
     _tell(changed, "")
-    for why in failed:
-        print_note(f"{why}. Its robot lets {name!r} in still: take the name from its list by hand")
-    if failed:
-        raise typer.Exit(1)
+    _tell_left(failed, f"Its robot lets {name!r} in still: take the name from its list by hand")
 
 
 def _tell(changed: list[Path], more: str) -> None:
@@ -95,3 +96,11 @@ def _tell(changed: list[Path], more: str) -> None:
         print_note(f"changed {file}: copy it to its robot")
     if changed and more:
         print_note(more)
+
+
+def _tell_left(failed: list[str], remedy: str) -> None:
+    """Name the lists that could not be changed, and end with exit code 1 if there are any."""
+    for why in failed:
+        print_note(f"{why}. {remedy}")
+    if failed:
+        raise typer.Exit(1)
