@@ -83,6 +83,7 @@ def lemmas(planted: int = 0) -> tuple[Lemma, ...]:
             z3.And(slower >= -V, slower <= V, slower >= v - 1, slower <= v + 1),
         ),
         *_rounding(),
+        *_one_step(),
     )
 
 
@@ -118,4 +119,54 @@ def _rounding() -> tuple[Lemma, ...]:
             ),
             gone + e <= room,
         ),
+    )  # fmt: skip
+
+
+def _one_step() -> tuple[Lemma, ...]:
+    """What the roundings of one period add up to, by the standard model: each is u at most.
+
+    Velocities count as ways per period, so a = A·T², and M is the greater of |q| and |q′|. A
+    product or quotient may be so small that it loses more than u of itself, by less than `tiny`. By
+    symmetry the velocity rises, or the setpoint is d above q. `moved` is a result before it is
+    clipped, b at least |v|; `slack` and `tight` are those of `taken_over` and `follow_one`.
+    """
+    import z3
+
+    u = z3.Q(1, 2**53)
+    v, b, V, a, M, q, after, d = z3.Reals("v b V a M q after d")
+    change, w, moved, tiny, total, tight, slack, apart, low = z3.Reals(
+        "change w moved tiny total tight slack apart low"
+    )
+    braked = (b <= V, moved <= v + change + u * (b + change), w <= moved)
+    kept = change <= (1 - z3.Q(1, 10**12)) * (1 + 3 * u) * a
+    clip = (b >= -v, b <= V, total <= (b + change) * (1 + u))
+    less = tight >= change - 4 * u * total - u * change
+    lowest = low >= v + tight - u * (b + change)
+    asked = (
+        d >= 0, apart >= d * (1 - u), moved >= apart * (1 - u) - tiny,
+        tiny <= u * V, slack <= 2 * u * (M + 3 * d) * (1 + 5 * u) + tiny,
+        moved <= (V + slack) * (1 + u),
+    )  # fmt: skip
+    near = moved - v <= (change + slack) * (1 + z3.Q(21, 10) * u)
+    epsilon = 10 * u * (M + 3 * V)
+    return (
+        Lemma("change: what is approached changes the velocity by AT + uV at most",
+              (*braked, kept, a >= 0), w - v <= a + u * V),
+        Lemma("change: and by AT where V is at most 8000 AT",
+              (*braked, kept, change >= 0, 8000 * a >= V), w - v <= a),
+        Lemma("change: what is taken over by AT at most",
+              (change <= a * (1 + u), change >= 0, b >= 0, total >= (b + change) * (1 - u),
+               tight <= change - 4 * u * total + u * change, w <= v + tight + u * (b + change)),
+              w - v <= a),
+        Lemma("step: what is approached differs from v′T by no more than ε/5",
+              (w <= V, w >= -V, M >= 0, tiny <= u * V,
+               moved - w <= u * V + tiny, after - (q + moved) <= u * M),
+              after - q - w <= 2 * u * (M + 3 * V)),
+        Lemma("step: so does what is taken over as it is", (*asked, M >= 0, w == moved),
+              d - w <= epsilon),
+        Lemma("step: what is taken over with V differs by no more than ε", (*asked, M >= 0, w == V),
+              d - w <= epsilon),
+        Lemma("step: so does what is taken over with all of A",
+              (*asked[1:], *clip, d <= 2 * M, less, lowest, near, w == low, w <= moved),
+              d - w <= epsilon),
     )  # fmt: skip
