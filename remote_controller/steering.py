@@ -86,6 +86,7 @@ class Steering:
             "following": following,
             "period_s": self._period,
             "lease_s": LEASE_S,
+            "newest": self._newest,
             "targets": [each.as_json() for each in self._live],
             **self.counts(self._before),
         }

@@ -43,6 +43,17 @@ def message(number: int = 1, epoch: int = 0, points: int = 1, **fields: int) -> 
     return made
 
 
+def test_an_operator_is_told_which_of_its_messages_came_last():
+    it = steering()
+    told = it.acquire(ME, 3, 0)
+    assert told["newest"] == 0
+    sent = message(number=3, epoch=told["epoch"]).dump()
+    assert it.take(ME, sent, 10, following=True)
+    assert it.acquire(ME, 3, 11)["newest"] == 3
+    it.release(ME)
+    assert it.acquire(OTHER, 3, 12)["newest"] == 0
+
+
 def test_one_operator_at_a_time_and_the_next_after_it_has_gone_or_given_up():
     it = steering()
     first = it.acquire(ME, 3, 0)

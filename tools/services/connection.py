@@ -277,6 +277,8 @@ class Connection:
     def counts(self) -> dict[str, Any]:
         """What came of what was sent: `taken`, `late_points`, and `refused` by reason.
 
+        And `newest`, the number of the last message that has come: a link that is full drops some.
+
         Raises:
             LinkError: no controller answers.
             UsageError: we do not steer.
@@ -284,7 +286,9 @@ class Connection:
         with self._steering:  # so that nobody releases in between
             self._held()
             found = self._acquire()
-        return {name: found[name] for name in ("taken", "late_points", "refused")}
+            newest = found.get("newest", self._number)  # controllers before this one do not tell
+        told = {name: found[name] for name in ("taken", "late_points", "refused")}
+        return {**told, "newest": newest}
 
     def _stays(self, until: float) -> bool:
         """Whether to wait for the robot to follow is in vain."""

@@ -42,6 +42,7 @@ class NotingRobot:
         self.sent: list[list[float]] = []
         self.done: list[str] = []
         self.lost = ""
+        self.gets = True
         self.recovers = False
         self.news = threading.Condition()
         self.patient, self.let = threading.Event(), threading.Event()
@@ -66,10 +67,10 @@ class NotingRobot:
             raise LinkError(self.lost)
         self.sent.append(values)
         self.note("target")
-        return 1
+        return len(self.sent)
 
     def counts(self) -> dict[str, Any]:
-        return {"refused": {}}
+        return {"refused": {}, "newest": len(self.sent) if self.gets else 0}
 
     def stop(self) -> dict[str, Any]:
         self.note("stop")
@@ -136,6 +137,8 @@ class Stage:
 def play(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Stage], Awaitable[None]]], Stage]:
     """Plays a story with an operator that runs; returns what is left of it."""
     monkeypatch.setattr(operator, "SETTLE_S", 0.01)
+    monkeypatch.setattr(operator, "AGAIN_S", 0.01)
+    monkeypatch.setattr(operator, "HOLD_S", PATIENCE_S)
 
     def play(story: Callable[[Stage], Awaitable[None]]) -> Stage:
         async def whole() -> Stage:
@@ -173,6 +176,48 @@ def test_what_a_page_drags_is_sent_and_held_when_it_goes(play):
     assert len(stage.robot.sent) == 2
     assert held != AIM
     assert stage.robot.done.index("release") > stage.robot.done.index("target")
+
+
+@pytest.mark.parametrize("released", [True, False])
+def test_a_hold_that_is_lost_on_its_way_is_sent_again_before_another_may_steer(
+    play, released, monkeypatch
+):
+    monkeypatch.setattr(motion, "LEASE_S", PATIENCE_S)
+
+    async def story(stage: Stage) -> None:
+        stage.robot.gets = False
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: AIM in stage.robot.sent)
+        stage.operator.move("page", {"verb": "drop"})
+        if released:
+            going = asyncio.create_task(stage.operator.act("page", {"verb": "release"}))
+        else:
+            stage.operator.left("page")
+        await stage.until(lambda: len(stage.robot.sent) > 4)
+        assert "release" not in stage.robot.done
+        stage.robot.gets = True
+        await stage.until(lambda: "release" in stage.robot.done)
+        if released:
+            await going
+
+    stage = play(story)
+    assert AIM not in stage.robot.sent[1:]
+
+
+def test_what_is_dragged_next_replaces_a_hold_that_is_lost(play):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: stage.robot.sent == [AIM])
+        stage.robot.gets = False
+        stage.operator.move("page", {"verb": "drop"})
+        await stage.until(lambda: len(stage.robot.sent) > 1)
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: stage.robot.sent[-1] == AIM)
+        stage.robot.gets = True
+
+    play(story)
 
 
 def test_a_page_that_is_silent_is_held_and_then_steers_no_longer(play, monkeypatch):

@@ -1,8 +1,9 @@
 """What a page may do to a robot: steer, change, stop, recover. Each waits for nobody else.
 
 Questions to a robot may take seconds, so they are asked by threads: one for stops, so that nothing
-is ahead of one; one for all others; one that sends targets, of which only the newest count. Stops
-are asked for through the session of the source, which is open as long as a page is served.
+is ahead of one; one for all others; one that sends targets, of which only the newest count. A link
+that is full drops messages, so what holds is sent again until the controller has got it. Stops are
+asked for through the session of the source, which is open as long as a page is served.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from hoap3.tools.view.steering.motion import Motion
 
 TICK_S = 0.02  # between two looks at what moves
 SETTLE_S = 0.2  # between a hold and a release: targets and questions come on different ways
+AGAIN_S = 0.05  # after which a hold that the controller has not got is sent again
+HOLD_S = 1.5  # and for how long: within the lease
 COUNT_S = 1.0  # between two questions what was refused
 Told = Callable[[dict[str, Any]], None]
 Result = TypeVar("Result")
@@ -47,7 +50,7 @@ class Operator:
         self._connection: Connection | None = None
         self._opening = Lock()
         self._threads = {name: ThreadPoolExecutor(1, name) for name in ("stop", "ask", "send")}
-        self._sending: Future[None] | None = None
+        self._sending: Future[Any] | None = None
         self._counting: Future[dict[str, int]] | None = None
         self._refused: dict[str, int] = {}
         self._count_s = self._release_s = 0.0
@@ -154,7 +157,7 @@ class Operator:
         if self._flush():
             self._count(now)
         gone = self._motion.is_gone(now)
-        if gone or 0.0 < self._release_s < now:
+        if gone or (0.0 < self._release_s < now and not self._is_sending):
             how = "is silent" if gone else "has gone"
             self._give_up(f"the page that steered {how}")
 
@@ -184,8 +187,13 @@ class Operator:
         due = self._motion.step(time.monotonic())
         if due and self._connection is not None:
             self._sent = True
-            self._sending = self._threads["send"].submit(_send, self._connection, due)
+            send = _send if self._motion.moves else self._hold
+            self._sending = self._threads["send"].submit(send, self._connection, due)
         return True
+
+    @property
+    def _is_sending(self) -> bool:
+        return self._sending is not None and not self._sending.done()
 
     def _count(self, now: float) -> None:
         """Tell pages what the controller refused, once a second at most."""
@@ -221,9 +229,9 @@ class Operator:
         return {"targets": [target.as_json() for target in self._source.frames.targets]}
 
     async def _release(self) -> None:
-        if self._motion.moves or self._motion.waits:
+        if self._motion.moves or self._motion.waits or self._is_sending:
             self._motion.hold()  # what was held already, and not sent yet, stays as it is
-            while self._motion.waits and self._flush():
+            while (self._motion.waits or self._is_sending) and self._flush():
                 await asyncio.sleep(TICK_S)
             await asyncio.sleep(SETTLE_S)
         self._free()
@@ -233,6 +241,15 @@ class Operator:
     def _free(self) -> None:
         self.page, self._release_s = None, 0.0
         self._motion.begin(time.monotonic())
+
+    def _hold(self, robot: Connection, due: Mapping[str, list[float]]) -> None:
+        """In a thread: send until the controller has got it, unless something newer waits."""
+        until = time.monotonic() + HOLD_S
+        while time.monotonic() < until:
+            number = _send(robot, due)
+            time.sleep(AGAIN_S)
+            if self._motion.waits or robot.counts()["newest"] >= number:
+                return
 
     def _let_go(self) -> None:
         """In a thread: release, unless a page has begun to steer meanwhile."""
@@ -259,9 +276,9 @@ class Operator:
         return asyncio.wrap_future(self._threads[thread].submit(what))
 
 
-def _send(robot: Connection, due: Mapping[str, list[float]]) -> None:
-    for name, values in due.items():
-        robot.send_target(values, name)
+def _send(robot: Connection, due: Mapping[str, list[float]]) -> int:
+    """Send targets; the number of the last message."""
+    return [robot.send_target(values, name) for name, values in due.items()][-1]
 
 
 def _refused(robot: Connection | None) -> dict[str, int]:
