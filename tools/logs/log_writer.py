@@ -130,7 +130,8 @@ class LogWriter:
     @property
     def size(self) -> int:
         """Bytes of these files that were handed to the operating system."""
-        return sum(self._sizes.copy().values()) + (0 if self._closed else self._file.size)
+        sizes, file = self._sizes.copy(), self._file
+        return sum({**sizes, file.path: file.size}.values())
 
     def add(self, record: Record) -> None:
         """Take one record, not older than time 0; reading gives it back, whatever its payload."""

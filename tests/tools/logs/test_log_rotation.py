@@ -12,6 +12,7 @@ from support.log_samples import MS, START, describe, inputs, ticks, write
 
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log, payload_hash
+from hoap3.tools.logs.log_writer import LogWriter
 
 JOINTS = 4
 FILE = 200_000
@@ -41,6 +42,24 @@ def test_files_together_are_the_log(tmp_path: Path, records: list[Record]) -> No
     assert (log.paths, log.truncated, log.missing) == (paths, False, "")
     assert len(log.states()) == len(log.setpoints()) == 1500
     assert log.description == describe(JOINTS)
+
+
+def test_its_size_is_what_lies_there_whenever_one_asks(
+    tmp_path: Path, records: list[Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also between the end of one file and the begin of the next: metrics ask from a thread."""
+    seen = []
+    make_room = LogWriter._make_room
+
+    def asked(writer: LogWriter) -> None:
+        seen.append((writer.size, sum(path.stat().st_size for path in tmp_path.iterdir())))
+        make_room(writer)
+
+    monkeypatch.setattr(LogWriter, "_make_room", asked)
+    writer = write(tmp_path, records, **WIDE)
+    seen.append((writer.size, sum(path.stat().st_size for path in writer.paths)))
+    assert len(seen) > 4
+    assert all(told == there for told, there in seen)
 
 
 def test_one_file_or_many_hold_the_same(tmp_path: Path, records: list[Record]) -> None:
