@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import hoap3
 from hoap3.tools.services.connection import Connection
@@ -54,3 +55,16 @@ def assert_stays(robot: Connection, place: np.ndarray) -> None:
         if state.tick > until:
             break
     assert robot.status()["mode"] == "active"
+
+
+@pytest.fixture(scope="module")
+def certs(tmp_path_factory) -> Path:
+    """Folder of the certificates of `secured`."""
+    return tmp_path_factory.mktemp("lab") / "certs"
+
+
+@pytest.fixture(scope="module")
+def secured(certs) -> Iterator[str]:
+    """Where the arm listens, for the tests of a module."""
+    with secured_arm(certs) as at:
+        yield at

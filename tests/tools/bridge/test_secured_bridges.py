@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 import zenoh
 from foxglove_client import FoxgloveClient
 from looked_at import until
-from support.certificates.secured_arm import assert_stays, goes, secured_arm
+from support.certificates.secured_arm import assert_stays, goes
 from support.command_bench import Command, endpoint
 from support.pages.steered_arm import FAR, ROBOT, hand
 
@@ -25,17 +23,6 @@ CLICKED = {
     "header": {"frame_id": "world", "stamp": {"sec": 0, "nsec": 0}},
     "point": dict(zip("xyz", FAR, strict=True)),
 }
-
-
-@pytest.fixture(scope="module")
-def certs(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("lab") / "certs"
-
-
-@pytest.fixture(scope="module")
-def secured(certs) -> Iterator[str]:
-    with secured_arm(certs) as at:
-        yield at
 
 
 @pytest.mark.parametrize("name", ["otto", "anna"])
