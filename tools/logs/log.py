@@ -24,6 +24,7 @@ from hoap3.protocol.errors import DescriptionError, LogError, WireError
 from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION, Message, Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.protocol.wire_versions import OLDEST, upgraded
+from hoap3.tools.logs.disk_rows import DiskRows
 from hoap3.tools.logs.log_format import (
     CHANNELS,
     FORMAT,
@@ -183,7 +184,7 @@ class Log:
                         yield record
 
     def table(self, kind: Kind) -> tuple[Stamps, Rows]:
-        """Log times [ns] and all messages of a kind, as a structured array.
+        """Log times [ns] and all messages of a kind, as a structured array that lies on disk.
 
         Where messages differ in the lengths of their arrays, as those of a stranger may do, these
         are the ones of the most frequent layout; `records` has all.
@@ -192,27 +193,27 @@ class Log:
             kind: STATE, SETPOINT or EVENT.
 
         Raises:
-            LogError: messages of another version.
+            LogError: messages of another version, or no room for them in the temporary folder.
         """
-        channel = KIND_CHANNELS[kind]
-        by_size: dict[int, tuple[array[int], bytearray]] = {}
+        channel, schema = KIND_CHANNELS[kind], SCHEMAS[kind]
+        stamps, rows = array("q"), DiskRows()
         for scan in self._scans:
             for message in scan.messages():
                 if message[0] == channel:
                     payload = message[4]
                     if kind in self._grown:
                         payload = upgraded(self._grown[kind], payload)
-                    found = by_size.get(len(payload))
-                    if found is None:
-                        found = by_size[len(payload)] = (array("q"), bytearray())
-                    found[0].append(message[2])
-                    found[1].extend(payload)
-        schema = SCHEMAS[kind]
-        if not by_size:
+                    stamps.append(message[2])
+                    rows.add(payload)
+        if not rows:
             return np.empty(0, np.int64), np.empty(0, schema.dtype({}))
-        stamps, data = max(by_size.values(), key=lambda found: len(found[0]))
+        sizes, first, counts = np.unique(rows.sizes, return_index=True, return_counts=True)
+        of_most = np.lexsort((first, -counts))[0]
+        alike = rows.sizes == sizes[of_most]
+        if not alike.all():
+            rows = rows.only(alike)
         try:
-            return _of_one_layout(schema, np.frombuffer(stamps, np.int64), data)
+            return _of_one_layout(schema, np.array(stamps, np.int64)[alike], rows)
         except WireError as error:
             raise LogError(
                 f"{self.paths[0]}: {error}. Read the log with the version that wrote it"
@@ -385,12 +386,12 @@ def _lost_at_end(scan: McapScan) -> str | None:
     return None
 
 
-def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Stamps, Rows]:
+def _of_one_layout(schema: Schema, stamps: Stamps, messages: DiskRows) -> tuple[Stamps, Rows]:
     """Those of equally long messages whose arrays are as long as in most of them.
 
     Of more than `MOST_LAYOUTS` different ones the first count.
     """
-    raw = np.frombuffer(data, np.uint8).reshape(len(stamps), -1)
+    raw = messages.bytes.reshape(len(stamps), -1)
     left = np.ones(len(stamps), bool)
     best, dtype = np.zeros(len(stamps), bool), schema.dtype({})
     for _ in range(MOST_LAYOUTS):
@@ -405,5 +406,5 @@ def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Sta
         if alike.sum() > best.sum():
             best, dtype = alike, schema.dtype(lengths)
         left &= ~alike
-    rows = np.frombuffer(data, dtype)
+    rows = messages.table(dtype)
     return (stamps, rows) if best.all() else (stamps[best], rows[best])

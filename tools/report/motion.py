@@ -15,6 +15,7 @@ from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.remote_controller.default_task import default_goal
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.logs.log import Log
 from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.moments import Answered, Moment, moments
@@ -121,7 +122,7 @@ def read_motion(sources: Sources) -> Motion | None:
         LogError: the log has no valid description, or Pinocchio cannot build the robot.
     """
     for log in sources.logs:
-        states, setpoints, gaps = _one_session(log.states(), log.setpoints())
+        states, setpoints, gaps = _one_session(RowsAt.of(log.states()), RowsAt.of(log.setpoints()))
         active = states[states["mode"] == State.ACTIVE]
         if len(active):
             break
@@ -139,7 +140,7 @@ def read_motion(sources: Sources) -> Motion | None:
     start = int(active["stamp_intended"][0])
     every = -(-len(active) // MOST_POINTS)
     point, frame, target = _goal(settings.get("controller"), parameters, description)
-    positions = np.asarray(active["q"][::every], float)
+    positions = np.asarray(active[::every]["q"], float)
     path = point_path(positions, description, point, frame)
     rows, answers = _answered(active, setpoints)
     if not len(rows):
@@ -206,7 +207,7 @@ def _range_used(positions: FloatArray, description: RobotDescription) -> FloatAr
     return used
 
 
-def _one_session(states: Any, setpoints: Any) -> tuple[Any, Any, list[str]]:
+def _one_session(states: RowsAt, setpoints: RowsAt) -> tuple[RowsAt, RowsAt, list[str]]:
     """Rows of the session with most States; what it says of the others."""
     sessions, counts = np.unique(states["session_id"], return_counts=True)
     if len(sessions) < 2:

@@ -7,6 +7,7 @@ are of two clocks, and are never compared with each other; only durations are.
 from __future__ import annotations
 
 import json
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.disk_rows import DiskRows, RowsAt
 from hoap3.tools.logs.log import Log, Rows
 from hoap3.tools.machine.stalls import Stall
 
@@ -50,7 +52,7 @@ class RobotSide:
     period: int
     due: int
     from_publication: bool
-    states: Rows
+    states: RowsAt
     arrivals: Stamps
     setpoints: Rows
     commands: tuple[int, ...]
@@ -75,7 +77,7 @@ class RobotSide:
             )
         description = log.description
         told = _Told(log, description.n)
-        states = told.rows(Kind.STATE)
+        states = RowsAt.of(told.rows(Kind.STATE))
         if not len(states):
             raise LogError(f"{log.paths[0]}: holds no State. Name the log of a run")
         states = states[states["session_id"] == states["session_id"][-1]]
@@ -142,7 +144,7 @@ class Cycles:
         """The same of an open log, or of the robot's log alone."""
         session = robot.states["session_id"][0]
         known = robot.states["tick"]
-        arrived = robot.setpoints[answers(robot)]
+        arrived = RowsAt.of(robot.setpoints)[answers(robot)]
         overwritten = np.empty((0, 2), np.int64)
         seen = np.empty(0, known.dtype)
         seen_received = seen_published = np.empty(0, np.int64)
@@ -153,17 +155,17 @@ class Cycles:
             ours = states["session_id"] == session
             seen, seen_published = states["tick"][ours], states["stamp_published"][ours]
             seen_received = told.stamps(Kind.STATE)[ours]
-            sent_rows = told.rows(Kind.SETPOINT)
+            sent_rows = RowsAt.of(told.rows(Kind.SETPOINT))
             sent_rows = sent_rows[sent_rows["session_id"] == session]
             overwritten = _overwritten(told.rows(Kind.EVENT), int(session))
-        names = ["tick", *_ANSWER_FIELDS.values()]
-        rows = np.concatenate([sent_rows[names], arrived[names]])
-        rows = rows[np.unique(rows["tick"], return_index=True)[1]]
-        ticks = np.union1d(seen, rows["tick"]).astype(np.int64)
+        told_ticks, first = np.unique(
+            np.concatenate([sent_rows["tick"], arrived["tick"]]), return_index=True
+        )
+        ticks = np.union1d(seen, told_ticks).astype(np.int64)
         fields = {name: np.full(len(ticks), NEVER) for name in _ANSWER_FIELDS}
-        at = np.searchsorted(ticks, rows["tick"].astype(np.int64))
+        at = np.searchsorted(ticks, told_ticks.astype(np.int64))
         for name, field in _ANSWER_FIELDS.items():
-            fields[name][at] = rows[field]
+            fields[name][at] = np.concatenate([sent_rows[field], arrived[field]])[first]
         answered = np.zeros(len(ticks), bool)
         answered[at] = True
         at = np.searchsorted(ticks, seen.astype(np.int64))
@@ -256,13 +258,13 @@ class _Told:
             Kind.EVENT: Event.schema.dtype({}),
         }
         sizes = {kind: dtype.itemsize for kind, dtype in self._types.items()}
-        data = {kind: bytearray() for kind in _KEPT}
-        stamps: dict[Kind, list[int]] = {kind: [] for kind in _KEPT}
+        data = {kind: DiskRows() for kind in _KEPT}
+        stamps: dict[Kind, array[int]] = {kind: array("q") for kind in _KEPT}
         self.lockstep = False
         for kind, stamp, payload in log.records():
             if kind in data:
                 if len(payload) >= sizes[kind]:
-                    data[kind] += payload[: sizes[kind]]
+                    data[kind].add(payload[: sizes[kind]])
                     stamps[kind].append(stamp)
             elif kind == Kind.SESSION:
                 self.lockstep = bool(json.loads(payload).get("lockstep"))
@@ -271,7 +273,7 @@ class _Told:
 
     def rows(self, kind: Kind) -> Rows:
         """Every message of a kind."""
-        return np.frombuffer(self._data[kind], self._types[kind])
+        return self._data[kind].table(self._types[kind])
 
     def stamps(self, kind: Kind) -> Stamps:
         """Log times [ns] of the same."""

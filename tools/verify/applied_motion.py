@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
+from hoap3.tools.logs.disk_rows import parts
 from hoap3.tools.verify.claims import RELATIVE, Claims
 
 Rows = NDArray[np.void]
 
+BEFORE = 3  # States that the differences of the first one need
 ROUNDINGS = 8  # ulp of a position, per difference
 OF_JERK = 12
 """The same of third differences, near zero of the way in three periods: 8 that a setpoint may be
@@ -28,18 +30,27 @@ def check_motion(states: Rows, robot: RobotDescription, claims: Claims) -> None:
         robot: whose limits count.
         claims: takes what was compared.
     """
+    for part in parts(len(states)):
+        some = states[max(part.start - BEFORE, 0) : part.stop]
+        with claims.from_tick(int(states["tick"][part.start])):
+            _check_part(some, states["reference"][0], robot, claims)
+
+
+def _check_part(
+    states: Rows, start: NDArray[np.float64], robot: RobotDescription, claims: Claims
+) -> None:
+    """The same of some States; a joint that starts beyond its range may come back from there."""
     kind, tick = robot.command_kinds[0], states["tick"]
     _check_rest(states, claims)
     if states["reference_rate"].shape[1] == robot.n:
         _check_told(states, robot, claims)
     if kind == "torque":
-        _check_torques(states, robot, claims)
+        _check_torques(states, start, robot, claims)
         return
     if kind == "acceleration":
         claims.equal("reference is the body", tick, states["reference"], states["q"], 0.0)
     s, T = states["reference"], robot.period_s
     ulp = np.spacing(np.abs(s).max(0))
-    start = s[0]  # a joint that starts beyond its range may come back, and go no further
     most, least = np.maximum(robot.upper, start), np.minimum(robot.lower, start)
     claims.at_most("applied position, upper", tick, s, most, ulp)
     claims.at_most("applied position, lower", tick, -s, -least, ulp)
@@ -96,7 +107,9 @@ def _check_told(states: Rows, robot: RobotDescription, claims: Claims) -> None:
     claims.equal("told acceleration", tick[1:], stated, change, off)
 
 
-def _check_torques(states: Rows, robot: RobotDescription, claims: Claims) -> None:
+def _check_torques(
+    states: Rows, start: NDArray[np.float64], robot: RobotDescription, claims: Claims
+) -> None:
     """Torques within the efforts, and positions within the mechanical stops.
 
     Where efforts are too small for what moves, no robot keeps more than these. Brakes, that hold
@@ -108,5 +121,5 @@ def _check_torques(states: Rows, robot: RobotDescription, claims: Claims) -> Non
     tau = np.abs(states["tau"][moves])
     effort = np.broadcast_to(robot.effort, tau.shape)
     claims.at_most("applied torque", tick[moves], tau, effort, RELATIVE * effort)
-    claims.at_most("applied position, upper", tick, q, np.maximum(robot.upper_hard, q[0]), 0.0)
-    claims.at_most("applied position, lower", tick, -q, -np.minimum(robot.lower_hard, q[0]), 0.0)
+    claims.at_most("applied position, upper", tick, q, np.maximum(robot.upper_hard, start), 0.0)
+    claims.at_most("applied position, lower", tick, -q, -np.minimum(robot.lower_hard, start), 0.0)

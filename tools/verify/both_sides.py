@@ -5,6 +5,12 @@ Where one side is of version 1 of the wire, they can agree only in what that ver
 
 from __future__ import annotations
 
+import struct
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Setpoint, State
@@ -14,7 +20,7 @@ from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims
 
 UNSHARED = "the logs share no tick of one session; HOAP-3's own protocol carries neither"
-Messages = dict[tuple[int, int], set[bytes]]
+Rows = NDArray[np.bytes_]
 
 
 def check_both(robot: Log, controller: Log, claims: Claims) -> None:
@@ -22,13 +28,14 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
     together, old = False, OLDEST in {robot.wire_version, controller.wire_version}
     for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
         ours, theirs = (_messages(log, kind, old=old) for log in (robot, controller))
-        shared = [key for key in theirs if key in ours]
-        together |= bool(shared)
-        if not shared:
-            claims.unverified(f"{name} in both logs", len(theirs), UNSHARED)
-        same = [float(theirs[key] <= ours[key]) for key in shared]
-        ticks = [tick for _, tick in shared]
-        claims.equal(f"{name} in both logs", ticks, same, [1.0] * len(same), 0.0)
+        keys = np.unique(_keys(theirs))
+        shared = np.intersect1d(_keys(ours), keys)
+        together |= bool(len(shared))
+        if not len(shared):
+            claims.unverified(f"{name} in both logs", len(keys), UNSHARED)
+        same = ~np.isin(shared, _keys(np.setdiff1d(theirs, ours)))
+        ticks = shared.view(np.int64)[1::2]
+        claims.equal(f"{name} in both logs", ticks, same, np.ones(len(same)), 0.0)
     if together:
         ours_said, theirs_said = (_said(log.description, old=old) for log in (robot, controller))
         claims.equal("description in both logs", 0, float(ours_said == theirs_said), 1.0)
@@ -42,10 +49,10 @@ def _said(description: RobotDescription, *, old: bool) -> str:
     return known.digest
 
 
-def _messages(log: Log, kind: Kind, *, old: bool) -> Messages:
-    """The messages of a kind by session and tick, as version 1 has them where one side is old."""
+def _messages(log: Log, kind: Kind, *, old: bool) -> Rows:
+    """Session, tick and digest of each message, as version 1 has it where one side is old, (N,)."""
     message = State if kind == Kind.STATE else Setpoint
-    found: Messages = {}
+    found = bytearray()
     for record in log.records():
         if record.kind == kind:
             try:
@@ -53,5 +60,10 @@ def _messages(log: Log, kind: Kind, *, old: bool) -> Messages:
                 payload = downgraded(message, record.payload) if old else record.payload
             except WireError:
                 continue
-            found.setdefault((key[0], key[1]), set()).add(payload)
-    return found
+            found += struct.pack("=QQ", *key) + blake2b(payload, digest_size=16).digest()
+    return np.frombuffer(found, "S32")
+
+
+def _keys(messages: Rows) -> Rows:
+    """Session and tick of each, (N,)."""
+    return np.ascontiguousarray(messages).view("S16")[::2]

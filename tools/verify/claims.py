@@ -7,6 +7,8 @@ with its reason, and never passes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -69,6 +71,16 @@ class Claims:
     def __init__(self) -> None:
         self.counts: dict[str, Count] = {}
         self.listed: list[FalseClaim] = []
+        self._from: int | None = None
+
+    @contextmanager
+    def from_tick(self, tick: int) -> Iterator[None]:
+        """Meanwhile nothing of earlier ticks is taken: they stand only before those that count."""
+        self._from = tick
+        try:
+            yield
+        finally:
+            self._from = None
 
     def equal(
         self,
@@ -152,10 +164,16 @@ class Claims:
     ) -> None:
         if not stated.size:
             return
-        count = self._count(claim)
-        rows = len(stated)
-        at = np.broadcast_to(np.asarray(ticks, np.int64), (rows,))
+        at = np.broadcast_to(np.asarray(ticks, np.int64), (len(stated),))
         allowed = np.broadcast_to(np.asarray(tolerance, float), off.shape)
+        found = np.broadcast_to(found, stated.shape)
+        if self._from is not None:
+            later = at >= self._from
+            at, allowed, off = at[later], allowed[later], off[later]
+            stated, found = stated[later], found[later]
+            if not stated.size:
+                return
+        count = self._count(claim)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = np.where(off == 0.0, 0.0, off / allowed)
         share = np.where(np.isnan(share), np.inf, share)
@@ -167,7 +185,6 @@ class Claims:
         count.false += len(wrong)
         first = int(at[wrong[:, 0]].min())
         count.first_false = first if count.first_false is None else min(count.first_false, first)
-        found = np.broadcast_to(found, stated.shape)
         for place in wrong[: MOST_LISTED - len(self.listed)]:
             where = tuple(place.tolist())
             numbers = float(stated[where]), float(found[where]), float(allowed[where])

@@ -7,6 +7,7 @@ and session anew. Each becomes a `ControllerRun`; nothing is carried from one to
 from __future__ import annotations
 
 import json
+from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,6 +20,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.disk_rows import DiskRows, RowsAt, parts
 from hoap3.tools.verify.tasks.live import Messages, Taken
 
 Rows = NDArray[Any]
@@ -62,9 +64,10 @@ class ControllerRun:
     conditions: list[tuple[int, int, bool]] = field(default_factory=list)
     strange: int = 0
     orphans: int = 0
-    _states: list[bytes] = field(default_factory=list)
-    _answers: list[bytes] = field(default_factory=list)
-    _answered: list[int] = field(default_factory=list)
+    _states: DiskRows = field(default_factory=DiskRows)
+    _answers: DiskRows = field(default_factory=DiskRows)
+    _answered: array[int] = field(default_factory=lambda: array("q"))
+    _newest_state: bytes = b""
     _forms: dict[type[Message], Message] = field(default_factory=dict)
 
     @property
@@ -74,18 +77,23 @@ class ControllerRun:
 
     @cached_property
     def states(self) -> Rows:
-        """Every State that was processed, in that order, as a structured array."""
+        """Every State that was processed, in that order, as a structured array on disk."""
         return as_table(State, self._states)
 
     @cached_property
-    def answers(self) -> Rows:
+    def answers(self) -> RowsAt:
         """Every Setpoint that was sent, likewise; those of one layout."""
-        return as_table(Setpoint, self._answers)
+        return RowsAt.of(as_table(Setpoint, self._answers))
 
     @cached_property
     def answered(self) -> NDArray[np.int64]:
         """For each answer the place of its State in `states`, (N,)."""
         return np.array(self._answered, np.int64)
+
+    @property
+    def answered_states(self) -> RowsAt:
+        """The State of each answer, (N,)."""
+        return RowsAt(self.states, self.answered)
 
     @property
     def remembered(self) -> NDArray[np.bool_]:
@@ -107,16 +115,17 @@ class ControllerRun:
         different = {id(each): each for each in self.in_force}
         return [(which == number, each) for number, each in different.items()]
 
-    def only(self, answers: NDArray[np.bool_]) -> ControllerRun:
-        """The same with some of its answers, (N,)."""
-        chosen = np.flatnonzero(answers).tolist()
-        part = replace(
-            self,
-            _answers=[self._answers[place] for place in chosen],
-            _answered=[self._answered[place] for place in chosen],
-        )
+    def only(self, answers: NDArray[np.bool_] | slice) -> ControllerRun:
+        """The same with some of its answers, by a mask (N,) or a slice."""
+        part = replace(self)
         part.__dict__["states"] = self.states  # which are many, and the same
+        part.__dict__["answers"] = self.answers[answers]
+        part.__dict__["answered"] = self.answered[answers]
         return part
+
+    def parts(self) -> Iterator[ControllerRun]:
+        """Its answers, a part at a time."""
+        return (self.only(part) for part in parts(len(self.answers)))
 
 
 def runs(records: Iterable[Record]) -> Iterator[ControllerRun]:
@@ -165,7 +174,7 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
 def _add_target(run: ControllerRun, payload: bytes) -> None:
     target, period = Target.like(payload), run.description.period_s
     target.load(payload)
-    (tick,) = State.scalars(run._states[-1], "tick") if run._states else (-1,)
+    (tick,) = State.scalars(run._newest_state, "tick") if run._states else (-1,)
     shape = target.points, target.dimension
     run.targets.append(
         Taken(
@@ -181,7 +190,8 @@ def _add_target(run: ControllerRun, payload: bytes) -> None:
 
 def _add_state(run: ControllerRun, payload: bytes) -> None:
     if _fits(State, payload, run._forms, q=run.description.n):
-        run._states.append(payload)
+        run._states.add(payload)
+        run._newest_state = payload
     else:
         run.strange += 1
 
@@ -190,7 +200,7 @@ def _add_answer(run: ControllerRun, payload: bytes) -> None:
     if run.gaps[-1:] == [len(run._states)]:
         run.orphans += 1
     elif _fits(Setpoint, payload, run._forms, values=run.description.n) and run._states:
-        run._answers.append(payload)
+        run._answers.add(payload)
         run._answered.append(len(run._states) - 1)
     else:
         run.strange += 1
@@ -221,9 +231,14 @@ def _fits(
     return message in forms
 
 
-def as_table(message: type[State] | type[Setpoint], payloads: list[bytes]) -> Rows:
-    """Messages of one layout as a structured array."""
+def as_table(message: type[State] | type[Setpoint], rows: DiskRows) -> Rows:
+    """Messages of one layout as a structured array.
+
+    Raises:
+        ValueError: they are of several.
+    """
     schema = message.schema
-    if not payloads:
+    if not rows:
         return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))
-    return np.frombuffer(b"".join(payloads), schema.dtype(schema.lengths_in(payloads[0])))
+    first = rows.bytes[: rows.sizes[0]].tobytes()
+    return rows.table(schema.dtype(schema.lengths_in(first)))

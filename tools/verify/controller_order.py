@@ -41,7 +41,7 @@ def _check_states(run: ControllerRun, claims: Claims) -> None:
 
 def _check_answers(run: ControllerRun, claims: Claims) -> None:
     """Each answer echoes its State, which asked for it, under the epoch in force."""
-    answers, states = run.answers, run.states[run.answered]
+    answers, states = run.answers, run.answered_states
     tick = states["tick"].astype(np.int64)
     for echo, of in (("tick", "tick"), ("stamp_state", "stamp_published"), ("epoch", "epoch")):
         off = answers[echo].astype(np.int64) - states[of].astype(np.int64)

@@ -6,6 +6,7 @@ stamp stands before the first State whose counts it is part of.
 
 from __future__ import annotations
 
+from array import array
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -38,14 +39,16 @@ class Recount:
         description: of the robot.
 
     Attributes:
-        rows: (tick, stated counts, counts found), in the order of `COUNTED`, for each State.
-        runs: (tick, misses in a row) at each State in which the robot follows somebody.
+        ticks, stated, found: of each State, the counts in the order of `COUNTED`, (N · 6,).
+        runs: each tick in which the robot follows somebody, and misses in a row there, (M · 2,).
         asked, in_time, longest_run: over all deadlines that have passed.
     """
 
     description: RobotDescription
-    rows: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = field(default_factory=list)
-    runs: list[tuple[int, int]] = field(default_factory=list)
+    ticks: array[int] = field(default_factory=lambda: array("q"))
+    stated: array[float] = field(default_factory=lambda: array("d"))
+    found: array[float] = field(default_factory=lambda: array("d"))
+    runs: array[int] = field(default_factory=lambda: array("q"))
     asked: int = 0
     in_time: int = 0
     longest_run: int = 0
@@ -91,9 +94,11 @@ class Recount:
         self._active = mode == State.ACTIVE
         counts = self._late, self._lost, self._twice, self._disordered, self._refused
         rate = sum(self._last) / len(self._last) if self._last else 1.0
-        self.rows.append((tick, State.scalars(payload, *COUNTED), (*counts, rate)))
+        self.ticks.append(tick)
+        self.stated.extend(State.scalars(payload, *COUNTED))
+        self.found.extend((*counts, rate))
         if self._active:
-            self.runs.append((tick, self._run))
+            self.runs.extend((tick, self._run))
             due = (published if self._from_publication else intended) + self._allowed
             self._ticks[tick] = _Asked(epoch, due)
             self._waiting.append(tick)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from array import array
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,14 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.disk_rows import DiskRows, parts
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.applied_motion import check_motion
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import as_table
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
 
+Array = NDArray[np.float64]
 EVENTS = Event.schema.constants
 FAILURES = EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]
 SUMMED = ("asked", "in_time", "longest_run")
@@ -52,8 +55,7 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
     except LogError as error:
         claims.unverified("deadlines", 1, f"no description: {error}")
         return
-    rows: list[tuple[Any, ...]] = []
-    states: list[bytes] = []
+    stamps, epochs, states = array("q"), array("q"), DiskRows()
     summary: dict[str, Any] = {}
     epoch = stops = 0
     for kind, stamp, payload in log.records():
@@ -64,8 +66,9 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
             recount.setpoint(stamp, payload)
         elif kind == Kind.STATE:
             recount.state(payload)
-            states.append(payload)
-            rows.append((epoch, stamp, *State.scalars(payload, *_SCHEDULE)))
+            states.add(payload)
+            stamps.append(stamp)
+            epochs.append(epoch)
         elif kind == Kind.EVENT:
             event, detail = Event.scalars(payload, "kind", "detail")
             epoch = detail if event == EVENTS["GRANTED"] else epoch
@@ -73,26 +76,31 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
         elif kind == Kind.SUMMARY:
             summary = json.loads(payload)
             _check_summary(summary, recount, stops, claims)
-    if rows:
+    if states:
         _check_counts(recount, misses_to_stop, claims)
-        _check_schedule(rows, round(log.description.period_s * 1e9), claims)
         table = as_table(State, states)
+        logged = np.array(stamps, np.int64), np.array(epochs, np.int64)
+        _check_schedule(table, *logged, round(log.description.period_s * 1e9), claims)
         check_motion(table, log.description, claims)
         check_body(summary, table, log.description, claims)
 
 
-_SCHEDULE = (
-    "mode", "tick", "epoch", "stamp_intended", "stamp_actual", "stamp_published",
-    "stamp_sent_previous", "skipped",
-)  # fmt: skip
+def _check_schedule(
+    states: NDArray[np.void],
+    stamp: NDArray[np.int64],
+    granted: NDArray[np.int64],
+    period: int,
+    claims: Claims,
+) -> None:
+    """States lie on the absolute schedule, in order, and none is missing but those skipped.
 
-
-def _check_schedule(rows: list[tuple[Any, ...]], period: int, claims: Claims) -> None:
-    """States lie on the absolute schedule, in order, and none is missing but those skipped."""
-    table = np.array(rows, dtype=object)
-    granted, stamp, mode, tick, epoch, intended, actual, published, sent, skipped = (
-        table[:, column].astype(np.int64) for column in range(table.shape[1])
+    `stamp` is the log time of each, and `granted` the epoch that was granted before it, (N,).
+    """
+    tick, epoch, skipped = (states[name].astype(np.int64) for name in ("tick", "epoch", "skipped"))
+    intended, actual, published, sent = (
+        states[f"stamp_{name}"] for name in ("intended", "actual", "published", "sent_previous")
     )
+    mode = states["mode"]
     zero, off = np.zeros(len(tick)), intended - intended[0] - (tick - tick[0]) * period
     claims.equal("schedule", tick, off, zero, 0.0)
     claims.equal("ticks between", tick[1:], np.diff(tick) - 1 - np.diff(skipped), zero[1:], 0.0)
@@ -111,21 +119,22 @@ def _check_schedule(rows: list[tuple[Any, ...]], period: int, claims: Claims) ->
 
 
 def _check_counts(recount: Recount, misses_to_stop: int | None, claims: Claims) -> None:
-    ticks = [tick for tick, _, _ in recount.rows]
-    stated = np.array([row for _, row, _ in recount.rows], float)
-    found = np.array([row for _, _, row in recount.rows], float)
+    ticks = np.array(recount.ticks)
+    stated, found = (
+        np.array(counts).reshape(-1, len(COUNTED)) for counts in (recount.stated, recount.found)
+    )
     for place, name in enumerate(COUNTED):
         exact = None if name == "success_rate" else 0.0
         claims.equal(f"count of {name}", ticks, stated[:, place], found[:, place], exact)
     if misses_to_stop is None:
-        claims.unverified("stop after misses", len(recount.runs), "no config says when")
+        claims.unverified("stop after misses", len(recount.runs) // 2, "no config says when")
     elif recount.runs:
-        tick, run = zip(*recount.runs, strict=True)
-        claims.at_most("stop after misses", tick, np.array(run, float), misses_to_stop - 1, 0.0)
+        tick, run = np.array(recount.runs).reshape(-1, 2).T
+        claims.at_most("stop after misses", tick, run, misses_to_stop - 1, 0.0)
 
 
 def _check_summary(summary: dict[str, Any], recount: Recount, stops: int, claims: Claims) -> None:
-    tick = recount.rows[-1][0] if recount.rows else 0
+    tick = recount.ticks[-1] if recount.ticks else 0
     for name in SUMMED:
         if name in summary:
             claims.equal(f"summary: {name}", tick, float(summary[name]), getattr(recount, name))
@@ -156,16 +165,21 @@ def _check_stops(
     joints = robot.structure.movable
     kinds = [joints[name].kind for name in robot.joint_names]
     slack = np.array([STOPS["m" if kind == "prismatic" else "rad"] for kind in kinds])
-    by = np.maximum(states["q"] - robot.upper_hard, robot.lower_hard - states["q"])
-    share = (by - slack) / slack
-    outside, last = (share > 0.0).any(axis=1), int(states["tick"][-1])
+
+    def beyond(q: Array) -> tuple[Array, Array]:
+        """By how much, and how many times the slack more than that."""
+        by = np.maximum(q - robot.upper_hard, robot.lower_hard - q)
+        return by, (by - slack) / slack
+
+    q, last = states["q"], int(states["tick"][-1])
+    outside = np.concatenate([(beyond(q[p])[1] > 0.0).any(axis=1) for p in parts(len(q))])
     periods = 0 if told is None else told["periods"]
     claims.equal("summary: beyond_stops", last, float(periods), int(outside.sum()), 0.0)
     if told is None or not outside.any():
         return
-    row = int(np.argmax(outside))
-    tick = int(states["tick"][row])
-    first = robot.joint_names[int(np.argmax(share[row]))]
+    by, share = beyond(q[outside])
+    tick = int(states["tick"][outside][0])
+    first = robot.joint_names[int(np.argmax(share[0]))]
     claims.equal("summary: first beyond its stops", last, told["first_tick"], tick, 0.0)
     claims.equal("summary: first beyond its stops", last, told["first"] == first, True, 0.0)
     joint = int(np.unravel_index(np.argmax(share), share.shape)[1])

@@ -20,8 +20,8 @@ DELAYED = "answers are delayed: where u starts from is not in the log"
 
 def judged(run: ControllerRun, claims: Claims) -> ControllerRun:
     """The answers whose cycles can be repeated, and that are answers: the rest is counted."""
-    states, answers = run.states[run.answered], run.answers
-    finite = np.isfinite(np.hstack([states["q"], states["reference"], answers["values"]])).all(1)
+    states, answers = run.answered_states, run.answers
+    finite = states.finite("q", "reference") & answers.finite("values")
     remembered = run.remembered
     claims.unverified("certificate", int((~finite).sum()), "State or answer is not finite")
     lost = int((finite & ~remembered).sum())
@@ -32,7 +32,7 @@ def judged(run: ControllerRun, claims: Claims) -> ControllerRun:
 def start_positions(run: ControllerRun, parameters: Mapping[str, Any]) -> Array:
     """Where each answer is integrated from: the applied reference, or what was measured, (N, n)."""
     measured = parameters.get("integrate_from", "reference") == "measured"
-    found: Array = run.states["q" if measured else "reference"][run.answered]
+    found: Array = run.answered_states["q" if measured else "reference"]
     return found
 
 

@@ -265,7 +265,7 @@ def test_what_a_robot_refuses_is_no_answer_in_the_recount(wrong: str) -> None:
     answer.session_id, answer.epoch = 7, 1
     recount.setpoint(0, answer.dump())
     recount.state(state.dump())
-    counted = dict(zip(COUNTED, recount.rows[-1][2], strict=True))
+    counted = dict(zip(COUNTED, recount.found[-len(COUNTED) :], strict=True))
     assert (counted["rejected"], counted["duplicate"]) == (1, 0)
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 
 Array = NDArray[np.float64]
-States = NDArray[Any]
+States = RowsAt  # of all cycles
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
 
 Places = NDArray[np.int64]
@@ -49,11 +50,11 @@ def cycles_of(run: ControllerRun) -> Cycles:
     """
     states, count = run.states, len(run.states)
     answer = np.full(count, -1, np.int64)
-    sound = np.isfinite(run.answers["values"]).all(1)
+    sound = run.answers.finite("values")
     answer[run.answered[sound]] = np.flatnonzero(sound)
     places = np.arange(count)
     begun, cut = (_last(marks, places) for marks in (run.resets, run.gaps))
-    finite = np.isfinite(np.hstack([states["q"], states["reference"]])).all(1)
+    finite = RowsAt.of(states).finite("q", "reference")
     used = finite & (begun >= 0) & (begun >= cut) & np.isin(begun, begun[run.answered])
     chosen = places[used]
     periods = states["tick"].astype(np.int64) - states["skipped"].astype(np.int64)

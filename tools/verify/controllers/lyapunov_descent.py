@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import descent_rate
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.point_task import PointTask
@@ -91,9 +92,18 @@ def _check(
     if delayed and settings["kinematics_from"] == "reference":
         claims.unverified("certificate", len(run.answers), DELAYED)
         return
-    run = judged(run, claims)
-    if not len(run.answers):
-        return
+    for part in judged(run, claims).parts():
+        _check_part(part, task, settings, claims, inverse=inverse)
+
+
+def _check_part(
+    run: ControllerRun,
+    task: PointTask,
+    settings: Mapping[str, Any],
+    claims: Claims,
+    *,
+    inverse: bool,
+) -> None:
     problem = _problems(run, task, settings, inverse=inverse)
     answers, tick = run.answers, run.answers["tick"]
     plain = inverse and settings["law"] == "plain"
@@ -103,7 +113,7 @@ def _check(
         0.0 * tick if plain else each for each in (-problem.psi, problem.psi_off)
     )
     claims.equal("required V rate", tick, answers["v_rate_required"], required, required_off)
-    if delayed:
+    if run.description.delay_ticks:
         claims.unverified("u", len(answers), DELAYED)
         return
     u, doubt = sent_velocity(run, settings)
@@ -153,7 +163,7 @@ def _problems(
     run: ControllerRun, task: PointTask, settings: Mapping[str, Any], *, inverse: bool
 ) -> Descent:
     which = "reference" if settings["kinematics_from"] == "reference" else "q"
-    q, m, n = run.states[which][run.answered], len(run.answers), run.description.n
+    q, m, n = run.answered_states[which], len(run.answers), run.description.n
     V, psi, psi_off, step_off = np.zeros((4, m))
     gradient, gradient_off = np.zeros((2, m, n))
     step = np.zeros((m, n)) if inverse else np.zeros((m, 0))
@@ -181,12 +191,18 @@ def _rate_off(problem: Descent, u: Array, doubt: Array) -> Array:
 
 def _shares(run: ControllerRun, ramp_s: float) -> Array:
     """Share of Ψ at each answer: it grows with the periods since the last reset."""
-    periods = (run.states["tick"] - run.states["skipped"]).astype(np.int64)
     resets = np.array(run.resets)
-    begun = periods[resets[np.searchsorted(resets, run.answered, "right") - 1]]
-    done, ticks = periods[run.answered] - begun + 1, ramp_s / run.description.period_s
+    begun = resets[np.searchsorted(resets, run.answered, "right") - 1]
+    passed = _periods(run, run.answered) - _periods(run, begun)
+    done, ticks = passed + 1, ramp_s / run.description.period_s
     shares: Array = np.where(done >= ticks, 1.0, done / max(ticks, 1.0))
     return shares
+
+
+def _periods(run: ControllerRun, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Periods of the robot until each of some States, without those that it skipped."""
+    states = RowsAt(run.states, places)
+    return np.asarray((states["tick"] - states["skipped"]).astype(np.int64))
 
 
 def _residual(

@@ -79,14 +79,12 @@ def check_family(family: Family, run: ControllerRun, parameters: Settings, claim
     if wrong:
         claims.unverified("certificate", len(run.answers), wrong)
         return
-    states = run.states[run.answered]
-    finite = np.isfinite(states["q"]).all(1) & np.isfinite(states["dq"]).all(1)
-    if hierarchy.presses:
-        finite &= np.isfinite(states["wrench"]).all(1)
+    states = run.answered_states
+    finite = states.finite("q", "dq", *(["wrench"] if hierarchy.presses else []))
     claims.unverified("certificate", int((~run.remembered).sum()), NOT_REMEMBERED)
     check_refused(run.only(run.remembered & ~finite), claims)
     run = run.only(run.remembered & finite)
-    lost = ~np.isfinite(run.answers["values"]).all(1)
+    lost = ~run.answers.finite("values")
     claims.unverified("certificate", int(lost.sum()), "the answer is not finite")
     constraints = {str(each.get("constraint"))[:60] for each in settings["constraints"] or ()}
     for part, cycles in hierarchy.cycles(run.only(~lost), begin):

@@ -116,14 +116,14 @@ def check_free_base(run: ControllerRun, parameters: Mapping[str, Any], claims: C
     """Whether answers obey mechanics, ground and motors; the rest counts as not verified."""
     robot = run.description
     n, soles = robot.n, len(robot.soles)
-    answers, states = run.answers, run.states[run.answered]
+    answers, states = run.answers, run.answered_states
     if robot.structure.followers or answers["decision"].shape[1] != BASE + 2 * n + WRENCH * soles:
         claims.unverified("certificate", len(answers), NOT_YET)
         return
     contacts = {**DEFAULTS, **(parameters.get("contacts") or {})}
     ground = Ground(robot, contacts, float(parameters.get("compensate_friction", True)))
-    solved = (answers["fallback"] == 0) & np.isfinite(answers["decision"]).all(1)
-    solved &= np.isfinite(states["q"]).all(1) & np.isfinite(states["base"]).all(1)
+    solved = (answers["fallback"] == 0) & answers.finite("decision")
+    solved &= states.finite("q", "base")
     found = [
         ground.off(state, np.array(answer["decision"], float))
         for state, answer in zip(states[solved], answers[solved], strict=True)
@@ -152,7 +152,7 @@ def check_free_base(run: ControllerRun, parameters: Mapping[str, Any], claims: C
 
 def _lost(run: ControllerRun, contacts: Mapping[str, Any], weight: float) -> NDArray[np.bool_]:
     """Which soles have carried too little for too long, (N, s), half a period more than that."""
-    states = run.states[run.answered]
+    states = run.answered_states
     light = states["contact"][:, NORMAL::WRENCH] < contacts["loaded_share"] * weight
     most = contacts["lost_after_s"] / run.description.period_s + 0.5
     resets = np.array([reset_of(run, at) for at in run.answered.tolist()])

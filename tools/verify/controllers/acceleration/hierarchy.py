@@ -161,13 +161,13 @@ class Hierarchy:
 
     def _limits(self, run: ControllerRun) -> tuple[Array, Array]:
         """Bounds of all answers; who begins outside them may stay there."""
-        states = run.states[run.answered]
+        states = run.answered_states
         lower, upper = np.zeros((2, *states["q"].shape))
         resets = np.array([reset_of(run, at) for at in run.answered.tolist()], np.int64)
         for reset in np.unique(resets).tolist():
             mine = resets == reset
             limits = self.bounds.begun(run.states["q"][reset])
-            lower[mine], upper[mine] = limits.at(states["q"][mine], states["dq"][mine])
+            lower[mine], upper[mine] = limits.at(states[mine]["q"], states[mine]["dq"])
         return lower, upper
 
     def _begin(self, run: ControllerRun, reset: int) -> None:
@@ -217,7 +217,7 @@ class Hierarchy:
         numbers: Array,
         moved: Flags,
     ) -> Cycles:
-        states = run.states[run.answered]
+        states = run.answered_states
         wanted, mass, bias, weight, measured, touches = found[:6]
         rows = Rows(*found[6:])
         kp, kd = np.repeat(np.array(self.gains), self.sizes, axis=0).T

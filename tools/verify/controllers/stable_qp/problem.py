@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma, descent_rate
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.constraints.base import Bounds, Constraint
 from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.controller_log import ControllerRun
@@ -99,7 +100,7 @@ class Problems:
         robot: Robot,
     ) -> None:
         self._task, self._settings, self._robot = task, settings, robot
-        self._cycles, self._these, self._states = cycles, these, run.states[cycles.places]
+        self._cycles, self._these, self._states = cycles, these, RowsAt(run.states, cycles.places)
         self._constraints, self._period = constraints, run.description.period_s
         self._with_rows = [each for each in constraints if each.has_rows]
         self._shares = cycles.shares(settings.psi["ramp_s"], self._period)
@@ -119,7 +120,7 @@ class Problems:
                 for constraint in self._with_rows:
                     constraint.begin(states[number])
             if watched is not None:
-                robot.place(states["q"][number])
+                robot.place(states[number]["q"])
                 watched.watch(robot, self._time(number))
                 robot.place(q)
             if self._these[number]:
@@ -186,7 +187,7 @@ class Problems:
         return descent_rate(psi["form"], V, gradient, error, first, second)
 
     def _time(self, number: int) -> float:
-        return int(self._states["tick"][number]) * self._period
+        return int(self._states[number]["tick"]) * self._period
 
     def _bounds(self, description: RobotDescription) -> Bounds:
         """Of all cycles; those on speeds come first, so that no other asks for more."""

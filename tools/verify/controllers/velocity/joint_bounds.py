@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ def bounds_of(run: ControllerRun, given: Mapping[str, Any]) -> Bounds:
         given: `bounds` of the config.
     """
     T, limits = run.description.period_s, limits_of(run.description, given)
-    reference = run.states["reference"][run.answered]
+    reference = run.answered_states["reference"]
     return velocity_bounds(reference, reference_rates(run), limits, T)
 
 
@@ -59,7 +60,7 @@ def reference_rates(run: ControllerRun) -> Array:
     At the first State after a reset it is what the robot measured.
     """
     states, T = run.states, run.description.period_s
-    finite = np.isfinite(np.hstack([states["q"], states["reference"]])).all(1)
+    finite = RowsAt.of(states).finite("q", "reference")
     places = np.arange(len(states))
     last = np.maximum.accumulate(np.where(finite, places, -1))
     before = np.append(-1, last[:-1])[run.answered]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, task_of
@@ -156,7 +157,7 @@ class Tasks:
 def _starts(run: ControllerRun) -> list[int]:
     """For each answer the place of the State at which its tasks began: finite, after a reset."""
     states = run.states
-    finite = np.flatnonzero(np.isfinite(np.hstack([states["q"], states["reference"]])).all(1))
+    finite = np.flatnonzero(RowsAt.of(states).finite("q", "reference"))
     resets = np.array([0, *run.resets])
     begun = resets[np.searchsorted(resets, run.answered, "right") - 1]
     found: list[int] = finite[np.searchsorted(finite, begun)].tolist()
