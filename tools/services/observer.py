@@ -24,6 +24,7 @@ from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.notes import Unserved
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
+from hoap3.tools.machine.large_blocks import give_back_large_blocks
 from hoap3.tools.machine.processes import Child, Lifeline, read_order, to_people
 from hoap3.tools.machine.sd_notify import NotifySettings
 from hoap3.tools.machine.stalls import PRIORITY, StallMonitor
@@ -171,6 +172,7 @@ def main() -> int:
     # The service ends us, after its last record. Ignored, it would be so in the monitors, too.
     signal.signal(signal.SIGTERM, lambda *_: None)
     parent, order = Lifeline(), read_order()
+    give_back_large_blocks()  # of which each chunk of a log takes some
     ring = Ring(order["fd"])
     keeper = _LogKeeper(order, ring)
     watchdog, pinging = None, threading.Event()

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.stats import t
 
 CONFIDENCE = 0.95
+STEEPEST = 2.0
 HOUR_S = 3600.0
 
 Series = npt.NDArray[np.float64]
@@ -19,8 +20,7 @@ Series = npt.NDArray[np.float64]
 class Trend:
     """A slope per hour, and what it is at least and at most, each with 95 % confidence.
 
-    The bounds are infinite where the series is too short, or too much of one piece, for any; of
-    fewer than three values the slope is no number.
+    Of fewer than three values the bounds are infinite, and the slope is no number.
     """
 
     slope: float
@@ -68,7 +68,9 @@ def trend(times: Series, values: Series) -> Trend:
     Values beside each other are alike: memory grows in steps, and stays. With the correlation r of
     a residual with the next one, at least 0, n values are worth n (1 − r)/(1 + r) independent
     ones, in the spread of the residuals as in the degrees of freedom of Student's t (Santer et al.
-    2000, doi:10.1029/1999JD901105).
+    2000, doi:10.1029/1999JD901105). Below one degree, where a series is of one piece, the bounds
+    are ± `STEEPEST` times its whole range over its whole time: of a random walk, which keeps all
+    that it ever took, and any slope added to it, that is exceeded in at most 5 % of cases.
 
     Args:
         times: equally far apart [s], (n,).
@@ -86,6 +88,7 @@ def trend(times: Series, values: Series) -> Trend:
     alike = max(float(residuals[1:] @ residuals[:-1]) / square, 0.0) if square else 0.0
     freedom = len(times) * (1.0 - alike) / (1.0 + alike) - 2.0
     if freedom < 1.0:
-        return Trend(slope, -math.inf, math.inf)
+        steepest = STEEPEST * float(np.ptp(values) / np.ptp(hours))
+        return Trend(slope, -steepest, steepest)
     margin = float(t.ppf(CONFIDENCE, freedom)) * math.sqrt(square / freedom / spread)
     return Trend(slope, slope - margin, slope + margin)

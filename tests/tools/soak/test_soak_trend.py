@@ -64,16 +64,36 @@ def test_a_plain_regression_would_not_do_for_values_that_are_alike():
     assert np.mean(held) < 0.8
 
 
-def test_what_is_of_one_piece_has_a_wide_bound_or_none():
+@pytest.mark.parametrize("n", [16, 80])
+@pytest.mark.parametrize("slope", [0.0, 1.0, 2.5, 4.0])
+def test_the_bound_of_what_is_of_one_piece_holds_of_what_keeps_all_it_ever_took(n, slope):
+    rng = np.random.default_rng(7)
+    times = np.linspace(0.0, HOUR_S, n)
+    walks = np.cumsum(rng.normal(size=(2000, n)), axis=1) / math.sqrt(n)
+    found = [trend(times, walk + slope * times / HOUR_S) for walk in walks]
+    of_one_piece = [each for each in found if each.lower == -each.upper]
+    assert len(of_one_piece) > 50
+    assert np.mean([each.upper >= slope for each in of_one_piece]) > 0.95
+
+
+def test_what_is_of_one_piece_is_bounded_by_its_range():
+    times = 60.0 * np.arange(81)
+    found = trend(times, 235.0 + 0.005 * np.sin(times / 800.0))
+    assert abs(found.slope) < found.upper
+    assert found.upper == pytest.approx(2.0 * 0.01 / (80 * 60 / HOUR_S), rel=0.05)
+    assert found.lower == -found.upper
+
+
+def test_a_step_has_a_wider_bound_than_a_plain_regression_gives_it():
     times = 60.0 * np.arange(12)
     step = np.repeat([0.0, 1.0], 6)
     plain = linregress(times / HOUR_S, step)
     found = trend(times, step)
     assert found.upper - found.slope > 1.2 * t.ppf(0.95, 10) * plain.stderr
-    assert set(trend(times[:2], np.zeros(2)).as_json("x").values()) == {None}
-    wave = trend(times, np.sin(np.arange(12) / 4.0))
-    assert wave.lower == -math.inf
-    assert wave.as_json("mb_per_hour")["upper_mb_per_hour"] is None
+
+
+def test_of_fewer_than_three_values_nothing_is_known():
+    assert set(trend(np.array([0.0, 60.0]), np.zeros(2)).as_json("x").values()) == {None}
 
 
 def test_blocks_are_of_equal_length_and_leave_out_what_is_no_number():
