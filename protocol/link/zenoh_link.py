@@ -47,6 +47,7 @@ BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
 CONTROL = frozenset({"about", "acquire", "change", "release", "show", "tasks"})
 """What a controller can be asked."""
+OTHERS = 2  # setpoints that a robot takes between two looks of those who hold no authority
 REFUSED_AT_ONCE = 4  # requests of those without the right; the rest waits for the next tick
 LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer
@@ -115,6 +116,9 @@ class ZenohRobotLink:
             session.close()
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
+        self._others = 0  # of them that are not the holder's, since the last look
+        self._holder = ""  # how the key of its setpoints ends
+        self._crowded_out = 0
         self._query: zenoh.Query | None = None  # taken, and not served yet
         self._asking = key(robot, "ask")
         self._clients.start()
@@ -145,8 +149,12 @@ class ZenohRobotLink:
         self._events.put(event)
 
     def drain(self) -> Sequence[Arrival]:
-        """Setpoints that have arrived, with the stamp of the receive thread."""
-        arrived = self._arrived
+        """Setpoints that have arrived, with the stamp of the receive thread.
+
+        All of the client that was granted authority last, and up to `OTHERS` of anybody else: a
+        flood costs the loop and the log no more than that.
+        """
+        arrived, self._others = self._arrived, 0
         return [arrived.popleft() for _ in range(len(arrived))]
 
     def requests(self) -> Iterable[Request]:
@@ -176,7 +184,8 @@ class ZenohRobotLink:
             if request.version == OLDEST:
                 self._note_old(request.who)
             if request.verb == "acquire":
-                request = replace(request, present=self._clients.asks(request.who))
+                present = self._clients.asks(request.who)
+                request = replace(request, present=present, answer=self._noting(request))
             yield request
 
     def tokens(self) -> Sequence[tuple[str, bool]]:
@@ -192,11 +201,12 @@ class ZenohRobotLink:
         self._local = local
 
     def counts(self) -> dict[str, int]:
-        """With certificates, setpoints of others than the holder, and requests without a right.
+        """Setpoints of others that it had no room for; with certificates, what was not let in.
 
         What is lost on the way shows in the robot's own counts.
         """
-        return {} if self._guard is None else self._guard.counts()
+        refused = {} if self._guard is None else self._guard.counts()
+        return {"crowded_out": self._crowded_out, **refused}
 
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
@@ -217,13 +227,34 @@ class ZenohRobotLink:
         try:
             while True:
                 sample = receive()
-                if follows is not None and not follows(leaf(sample.key_expr)):
+                who = leaf(sample.key_expr)
+                if follows is not None and not follows(who):
+                    continue
+                if who != self._holder and not self._has_room():
                     continue
                 arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
                 signal()
                 self._show()
         except zenoh.ZError:
             return  # the session was closed
+
+    def _has_room(self) -> bool:
+        """Whether a setpoint of another than the holder is taken; each is asked about once."""
+        if self._others >= OTHERS:
+            self._crowded_out += 1
+            return False
+        self._others += 1
+        return True
+
+    def _noting(self, request: Request) -> Callable[[dict[str, Any] | bytes], None]:
+        """Its answer, which first tells whose setpoints are all taken."""
+
+        def answer(content: dict[str, Any] | bytes) -> None:
+            if isinstance(content, dict) and content.get("granted"):
+                self._holder = "setpoint" if request.version == OLDEST else request.who
+            request.answer(content)
+
+        return answer
 
     def _show(self) -> None:
         """Send what waits to be seen; from either thread, once."""

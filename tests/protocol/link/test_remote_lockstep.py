@@ -109,7 +109,8 @@ def test_a_repeated_tick_that_is_answered_again_answers_no_later_one(bench):
     assert found == [setpoint(7, mark=1.0), setpoint(8, mark=3.0)]
 
 
-def test_what_is_no_answer_to_this_tick_does_not_end_the_waiting(bench):
+def test_what_is_no_answer_to_this_tick_does_not_end_the_waiting(bench, network):
+    give_authority(bench, network, "test")
     published = bench.publish(7)
     next_state(bench.controller)
     for payload in (b"", b"garbage", setpoint(6), setpoint(8), Event().dump()):

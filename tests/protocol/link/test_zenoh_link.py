@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,9 +31,17 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
 from hoap3.protocol.link import zenoh_link
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.link.zenoh_link import FRESH_S, ZenohControllerLink, ZenohRobotLink
-from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session, sampled_key
+from hoap3.protocol.link.zenoh_link import FRESH_S, OTHERS, ZenohControllerLink, ZenohRobotLink
+from hoap3.protocol.link.zenoh_session import (
+    alive_robots,
+    ask_in,
+    fast_publisher,
+    key,
+    open_session,
+    sampled_key,
+)
 from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.wire_versions import downgraded, upgraded
 
 HERE = Path(__file__).parent
 
@@ -82,8 +91,17 @@ def test_a_setpoint_arrives_with_the_stamp_of_its_arrival_however_late_it_is_dra
     assert robot.drain() == []
 
 
-def test_setpoints_are_drained_in_the_order_in_which_they_came(network):
+def grant(network, robot, ask):
+    """Give authority to who asks for it so."""
+    answer = network.start(ask, "acquire")
+    (request,) = eventually(lambda: list(robot.requests()), "a request")
+    request.answer({"granted": True, "epoch": 1})
+    assert answer.result(PATIENCE_S)
+
+
+def test_setpoints_of_the_holder_are_drained_in_the_order_in_which_they_came(network):
     robot, controller = network.pair(blocking=True)
+    grant(network, robot, controller.ask)
     sent = [b"%d" % number for number in range(500)]
     for payload in sent:
         controller.publish(payload)
@@ -91,6 +109,48 @@ def test_setpoints_are_drained_in_the_order_in_which_they_came(network):
     eventually(lambda: found.extend(robot.drain()) or len(found) == len(sent), "all setpoints")
     assert [payload for _, payload in found] == sent
     assert [stamp for stamp, _ in found] == sorted(stamp for stamp, _ in found)
+
+
+def flooded(network, robot, name, count):
+    """Send so many setpoints under a name, until the robot has taken or dropped each."""
+    before = robot.counts()["crowded_out"] + robot._others
+    session = network.keep(open_session(LinkSettings(connect=(network.endpoint,))))
+    strange = fast_publisher(session, key("arm", f"setpoint/{name}"), blocking=True)
+    eventually(lambda: strange.matching_status.matching, "a subscriber")
+    for _ in range(count):
+        strange.put(b"strange")
+    taken = eventually(
+        lambda: robot.counts()["crowded_out"] + robot._others >= before + count, "the last one"
+    )
+    assert taken
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_of_a_flood_of_others_few_are_looked_at_and_all_of_the_holder(network, version):
+    robot, controller = network.pair(blocking=True)
+    controller._speak(version)
+    known(robot, controller)
+    grant(network, robot, partial(ask_in, version, controller._session, "arm", who="test"))
+    flooded(network, robot, "stranger", 300)
+    sent = [upgraded(Setpoint, downgraded(Setpoint, Setpoint(3).dump()))] * 5
+    for payload in sent:
+        controller.publish(payload)
+    found: list[bytes] = []
+    eventually(lambda: found.extend(p for _, p in robot.drain()) or len(found) == 7, "all of them")
+    assert found == [b"strange"] * OTHERS + sent
+    assert robot.counts() == {"crowded_out": 300 - OTHERS}
+    flooded(network, robot, "stranger", 1)  # there is room for it after that look
+    assert [payload for _, payload in robot.drain()] == [b"strange"]
+
+
+def test_who_is_refused_authority_is_a_stranger_still(network):
+    robot, controller = network.pair(blocking=True)
+    answer = network.start(controller.ask, "acquire")
+    (request,) = eventually(lambda: list(robot.requests()), "a request")
+    request.answer({"granted": False, "reason": "held"})
+    assert answer.result(PATIENCE_S)
+    flooded(network, robot, "test", 50)
+    assert len(robot.drain()) == OTHERS
 
 
 def test_a_controller_that_comes_late_finds_the_newest_state_only(network):
