@@ -129,7 +129,7 @@ def flooded(network, robot, name, count):
 def test_of_a_flood_of_others_few_are_looked_at_and_all_of_the_holder(network, version):
     robot, controller = network.pair(blocking=True)
     controller._speak(version)
-    known(robot, controller)
+    eventually(lambda: controller._setpoint.matching_status.matching, "a subscriber to setpoints")
     grant(network, robot, partial(ask_in, version, controller._session, "arm", who="test"))
     flooded(network, robot, "stranger", 300)
     sent = [upgraded(Setpoint, downgraded(Setpoint, Setpoint(3).dump()))] * 5
