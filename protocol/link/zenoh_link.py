@@ -47,7 +47,7 @@ BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
 CONTROL = frozenset({"about", "acquire", "change", "release", "show", "tasks"})
 """What a controller can be asked."""
-OTHERS = 2  # setpoints that a robot takes between two looks of those who hold no authority
+OTHERS = 2  # setpoints of clients without authority that are taken between two ticks
 REFUSED_AT_ONCE = 4  # requests of those without the right; the rest waits for the next tick
 LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer
@@ -117,7 +117,7 @@ class ZenohRobotLink:
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
         self._others = 0  # of them that are not the holder's, since the last look
-        self._holder = ""  # how the key of its setpoints ends
+        self._holder = ""  # how the key of its setpoints ends, cut as names are
         self._crowded_out = 0
         self._query: zenoh.Query | None = None  # taken, and not served yet
         self._asking = key(robot, "ask")
@@ -227,10 +227,9 @@ class ZenohRobotLink:
         try:
             while True:
                 sample = receive()
-                who = leaf(sample.key_expr)
-                if follows is not None and not follows(who):
+                if follows is not None and not follows(leaf(sample.key_expr)):
                     continue
-                if who != self._holder and not self._has_room():
+                if client_of(sample.key_expr) != self._holder and not self._has_room():
                     continue
                 arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
                 signal()

@@ -70,20 +70,21 @@ class DiskRows:
         return np.array(self._sizes, np.int64)
 
     @property
-    def bytes(self) -> Table:
+    def raw(self) -> Table:
         """All of them, (bytes,) of uint8; it cannot be written to."""
+        if not self.sizes.any():
+            return np.frombuffer(b"", np.uint8)
         try:
             self._file.flush()
+            mapped = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise _no_room(error) from error
-        if not self._sizes or not self.sizes.any():
-            return np.frombuffer(b"", np.uint8)
-        return np.frombuffer(mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
+        return np.frombuffer(mapped, np.uint8)
 
     def only(self, which: npt.NDArray[np.bool_]) -> DiskRows:
         """Some of them, by a mask (N,)."""
         ends = np.cumsum(self.sizes)
-        begins, data, found = ends - self.sizes, self.bytes, DiskRows()
+        begins, data, found = ends - self.sizes, self.raw, DiskRows()
         for place in np.flatnonzero(which).tolist():
             found.add(data[begins[place] : ends[place]].tobytes())
         return found
@@ -96,7 +97,7 @@ class DiskRows:
         """
         if (self.sizes != dtype.itemsize).any():
             raise ValueError(f"a message is not of the {dtype.itemsize} bytes of those before it")
-        return self.bytes.view(dtype)
+        return self.raw.view(dtype)
 
 
 class RowsAt:

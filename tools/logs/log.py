@@ -391,7 +391,7 @@ def _of_one_layout(schema: Schema, stamps: Stamps, messages: DiskRows) -> tuple[
 
     Of more than `MOST_LAYOUTS` different ones the first count.
     """
-    raw = messages.bytes.reshape(len(stamps), -1)
+    raw = messages.raw.reshape(len(stamps), -1)
     left = np.ones(len(stamps), bool)
     best, dtype = np.zeros(len(stamps), bool), schema.dtype({})
     for _ in range(MOST_LAYOUTS):

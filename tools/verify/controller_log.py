@@ -240,5 +240,5 @@ def as_table(message: type[State] | type[Setpoint], rows: DiskRows) -> Rows:
     schema = message.schema
     if not rows:
         return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))
-    first = rows.bytes[: rows.sizes[0]].tobytes()
+    first = rows.raw[: rows.sizes[0]].tobytes()
     return rows.table(schema.dtype(schema.lengths_in(first)))

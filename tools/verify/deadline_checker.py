@@ -39,7 +39,7 @@ class Recount:
         description: of the robot.
 
     Attributes:
-        ticks, stated, found: of each State, the counts in the order of `COUNTED`, (N · 6,).
+        ticks, stated, found: of each State its tick, and counts as in `COUNTED`, (N · 6,).
         runs: each tick in which the robot follows somebody, and misses in a row there, (M · 2,).
         asked, in_time, longest_run: over all deadlines that have passed.
     """

@@ -34,10 +34,10 @@ def test_messages_of_any_length_are_kept_as_they_came(messages: list[bytes], dat
     rows = on_disk(messages)
     which = data.draw(hnp.arrays(bool, len(messages)))
 
-    assert rows.bytes.tobytes() == b"".join(messages)
+    assert rows.raw.tobytes() == b"".join(messages)
     assert rows.sizes.tolist() == [len(message) for message in messages]
     chosen = [message for message, taken in zip(messages, which, strict=True) if taken]
-    assert rows.only(which).bytes.tobytes() == b"".join(chosen)
+    assert rows.only(which).raw.tobytes() == b"".join(chosen)
     assert len(rows.only(which)) == len(chosen)
 
 
