@@ -1,7 +1,7 @@
 """What one Zenoh session takes from the network at most: sizes, connections, open files.
 
-There is no authentication, so these limits cannot keep a stranger out. They bound the memory that
-he can fill, and keep the robot and its holder connected meanwhile.
+Without certificates these limits cannot keep a stranger out. They bound the memory that he can
+fill, and keep the robot and its holder connected meanwhile.
 """
 
 from __future__ import annotations

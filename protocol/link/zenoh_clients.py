@@ -31,13 +31,17 @@ class Queries:
         self._stops = session.declare_queryable(f"{self._stop}/**", ring(WAITING_STOPS))
         self._others = session.declare_queryable(key(robot, "ask/**"), ring(WAITING_QUERIES))
 
-    def try_recv(self) -> zenoh.Query | None:
-        """The next query, if there is one; both queues get each `stop`, the first one counts."""
-        for queue, stops in ((self._stops, True), (self._others, False)):
-            while (query := queue.try_recv()) is not None:
-                if is_below(query.key_expr, self._stop) == stops:
+    def try_recv(self, *, stops: bool = True, others: bool = True) -> zenoh.Query | None:
+        """The next query of the wanted ones; both queues get each `stop`, the first one counts."""
+        for queue, wanted, of_stop in ((self._stops, stops, True), (self._others, others, False)):
+            while wanted and (query := queue.try_recv()) is not None:
+                if self.is_stop(query) == of_stop:
                     return query
         return None
+
+    def is_stop(self, query: zenoh.Query) -> bool:
+        """Whether it asks the robot to stop."""
+        return is_below(query.key_expr, self._stop)
 
 
 class Clients:

@@ -49,6 +49,7 @@ class Guard:
         self._known = dict(self._roles)  # what Zenoh's rules allow, for as long as we run
         self._holder = self._holder_name = ""  # who was granted authority last, and its certificate
         self._told = ""  # the trouble that was reported last
+        self._left: frozenset[str] = frozenset()  # links that no socket of ours was found for
         self._refused = self._not_holder = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="access", daemon=True)
@@ -105,25 +106,23 @@ class Guard:
     def _watch(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # not as urgent as the loop
         while not self._closing.wait(LOOK_S):
-            try:
-                self._look()
-            except (ConfigError, OSError, zenoh.ZError) as error:  # also for want of descriptors
-                self._tell_trouble(f"{error}. Whom it let in before is let in still")
-            else:
-                self._told = ""
+            trouble = ". ".join(filter(None, (self._look(), self._close_strangers())))
+            if trouble and trouble != self._told:
+                self._report(trouble)
+            self._told = trouble
 
-    def _look(self) -> None:
-        """Take the list where it has changed, and close whoever is not on it.
-
-        Raises:
-            ConfigError: it is wrong, or cannot be read now.
-            OSError, zenoh.ZError: connections cannot be looked at now.
-        """
+    def _look(self) -> str:
+        """Take the list where it has changed; what is wrong with it, or ""."""
         stamp = self._stamped()
-        if stamp != self._stamp:
-            self._take(read_access(self._directory).roles)
-            self._stamp = stamp
-        self._close_strangers()
+        if stamp == self._stamp:
+            return ""
+        try:
+            roles = read_access(self._directory).roles
+        except (ConfigError, OSError) as error:  # also for want of descriptors
+            return f"{error}. Whom it let in before is let in still"
+        self._take(roles)
+        self._stamp = stamp
+        return ""
 
     def _take(self, roles: Mapping[str, Role]) -> None:
         """Let in whom the list names, in the role that Zenoh's rules know."""
@@ -136,16 +135,17 @@ class Guard:
             names = ", ".join(sorted(later))
             self._report(f"lets in {names} when it starts again, not before")
 
-    def _tell_trouble(self, text: str) -> None:
-        if text != self._told:
-            self._told = text
-            self._report(text)
-
-    def _close_strangers(self) -> None:
-        """Close the connections of names that are not on the list."""
-        for link in self._session.info.links():
-            if link.auth_identifier not in self._roles:
-                shut_down(str(link.dst))
+    def _close_strangers(self) -> str:
+        """Close the connections of names that are not on the list; what hinders that, or ""."""
+        left: set[str] = set()
+        try:
+            for link in self._session.info.links():
+                if link.auth_identifier not in self._roles and not shut_down(str(link.dst)):
+                    left.add(f"{link.auth_identifier!r} at {link.dst}")
+        except (OSError, zenoh.ZError) as error:  # also for want of descriptors
+            return f"who is connected cannot be looked at now ({error})"
+        again, self._left = self._left & left, frozenset(left)  # else it has just gone by itself
+        return f"cannot close the connection of {', '.join(sorted(again))}" if again else ""
 
     def _stamped(self) -> tuple[int, ...]:
         """What changes where the list is written."""

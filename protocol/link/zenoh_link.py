@@ -25,7 +25,14 @@ from hoap3.protocol.errors import NameTakenError
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.link.sampling import Sampling
-from hoap3.protocol.link.zenoh_clients import Clients, Queries, client_of, identity, leaf
+from hoap3.protocol.link.zenoh_clients import (
+    WAITING_STOPS,
+    Clients,
+    Queries,
+    client_of,
+    identity,
+    leaf,
+)
 from hoap3.protocol.link.zenoh_guard import Guard
 from hoap3.protocol.link.zenoh_session import (
     QUERY_TIMEOUT_S,
@@ -44,11 +51,11 @@ from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
 from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
-WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
+WAITING_ANSWERS = 256  # with as many no further such request is taken: somebody takes none
 CONTROL = frozenset({"about", "acquire", "change", "release", "show", "tasks"})
 """What a controller can be asked."""
 OTHERS = 2  # setpoints of clients without authority that are taken between two ticks
-REFUSED_AT_ONCE = 4  # requests of those without the right; the rest waits for the next tick
+REFUSED_AT_ONCE = 4  # requests of those without the right; then stops alone, as many as wait
 LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
@@ -61,7 +68,8 @@ class ZenohRobotLink:
 
     One thread of Python's blocks in `recv` and stamps what arrives; everything else happens in
     the loop, which polls. A query or a vanished client costs the loop nothing until it comes.
-    Answers are sent by a thread of their own: who asks and then freezes, holds up that one alone.
+    Answers are sent by threads of their own, those to `stop` by another one than the rest: who
+    asks and then freezes, holds up that one alone.
 
     Args:
         robot: name of the robot.
@@ -124,7 +132,7 @@ class ZenohRobotLink:
         self._clients.start()
         if self._guard is not None:
             self._guard.start()
-        self._answers = _Answers()
+        self._answers, self._stop_answers = _Answers(), _Answers()
         self._receiver = threading.Thread(target=self._receive, name="receive", daemon=True)
         self._receiver.start()
 
@@ -166,15 +174,19 @@ class ZenohRobotLink:
         if self._local is not None:
             yield from self._local.requests()
         refused = 0
-        while refused < REFUSED_AT_ONCE:
+        while refused < WAITING_STOPS:
             if self._query is None:
-                self._query = None if self._answers.full() else self._queries.try_recv()
+                self._query = self._queries.try_recv(
+                    stops=not self._stop_answers.full(),
+                    others=refused < REFUSED_AT_ONCE and not self._answers.full(),
+                )
             for who in self._clients.vanished():
                 yield Request("gone", who, lambda _: None)
             if self._query is None:
                 return
             query, self._query = self._query, None
-            request = self._answers.request(query, self._asking)
+            answers = self._stop_answers if self._queries.is_stop(query) else self._answers
+            request = answers.request(query, self._asking)
             if self._guard is not None:
                 admitted = self._guard.admitted(request)
                 if admitted is None:
@@ -211,11 +223,13 @@ class ZenohRobotLink:
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
         self._show()
+        self._stop_answers.finish()
         self._answers.finish()
         self._clients.finish()
         if self._guard is not None:
             self._guard.close()
         self._session.close()
+        self._stop_answers.join()
         self._answers.join()
         self._clients.join()
         self._receiver.join(timeout=2.0)

@@ -9,6 +9,7 @@ delivers what it can, and close returns.
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import os
 import socket
 import struct
@@ -41,18 +42,27 @@ def shut_down(peer: str) -> int:
         How many there were.
     """
     host, _, port = peer.partition("/")[2].partition("?")[0].rpartition(":")
-    ended = 0
+    wanted, ended = (_plain(host.strip("[]")), port), 0
     for one in _tcp_sockets():
         with one:
             try:
                 address = one.getpeername()
             except OSError:
                 continue  # it listens
-            if address[0].removeprefix("::ffff:") == host.strip("[]") and str(address[1]) == port:
+            if (_plain(address[0]), str(address[1])) == wanted:
                 with contextlib.suppress(OSError):
                     one.shutdown(socket.SHUT_RDWR)
                 ended += 1
     return ended
+
+
+def _plain(host: str) -> str:
+    """An address without its zone; of IPv4 as such, also where a socket of IPv6 took it."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host  # a name
+    return str(getattr(address, "ipv4_mapped", None) or address)
 
 
 def _tcp_sockets() -> Iterator[socket.socket]:

@@ -92,8 +92,11 @@ class Gathered:
             self._items.append(item)
         return self._items
 
-    def try_recv(self) -> Any:
+    def try_recv(self, **_: bool) -> Any:
         return self.gather().popleft() if self.gather() else None
+
+    def is_stop(self, query: Any) -> bool:
+        return bool(self._queue.is_stop(query))
 
 
 class Bench:

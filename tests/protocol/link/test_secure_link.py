@@ -21,6 +21,7 @@ from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.link import zenoh_guard
 from hoap3.protocol.link.base import Request
 from hoap3.protocol.link.zenoh_guard import Guard
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
@@ -393,3 +394,41 @@ def test_an_admin_releases_whoever_holds_authority(own_certs, network):
     eventually(lambda: scene.step() or asked.done(), "an answer")
     assert b'"released": true' in asked.result()
     assert b'"granted": true' in scene.asked(scene.rival, "acquire")
+
+
+class Links:
+    """What Zenoh tells of connections: one, of `name`."""
+
+    def __init__(self, name: str) -> None:
+        self.info = self
+        self.link = SimpleNamespace(auth_identifier=name, dst="tls/127.0.0.1:4711")
+
+    def links(self):
+        return [self.link]
+
+
+def test_while_the_list_cannot_be_read_who_left_it_before_is_closed_still(own_certs, monkeypatch):
+    file, said, closed = own_certs / "arm" / "access.yaml", [], []
+    monkeypatch.setattr(zenoh_guard, "shut_down", lambda peer: closed.append(peer) or 1)
+    guard = Guard(Links("anna"), str(file.parent), said.append)
+    revoke(own_certs, "anna")
+    assert guard._look() == ""
+    file.write_text("controllers: [qp, qp]\n")
+    guard.start()
+    try:
+        eventually(lambda: len(closed) > 1 and said, "a look, and another one")
+    finally:
+        guard.close()
+    assert set(closed) == {"tls/127.0.0.1:4711"}
+    assert len(said) == 2  # that anna went, and what is wrong with the list
+    assert "access.yaml" in said[1]
+
+
+def test_a_connection_that_cannot_be_closed_is_told_once_it_stays(own_certs, monkeypatch):
+    monkeypatch.setattr(zenoh_guard, "shut_down", lambda peer: 0)
+    links = Links("nobody")
+    guard = Guard(links, str(own_certs / "arm"), lambda _: None)
+    assert guard._close_strangers() == ""  # it may have gone by itself
+    assert "'nobody' at tls/127.0.0.1:4711" in guard._close_strangers()
+    links.link.auth_identifier = "qp"
+    assert guard._close_strangers() == ""

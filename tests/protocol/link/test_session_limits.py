@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import socket
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 import zenoh
@@ -20,7 +21,7 @@ from hoap3.protocol.link.session_limits import (
     raise_file_limit,
 )
 from hoap3.protocol.link.zenoh_clients import WAITING_QUERIES
-from hoap3.protocol.link.zenoh_link import WAITING_ANSWERS
+from hoap3.protocol.link.zenoh_link import REFUSED_AT_ONCE, WAITING_ANSWERS
 from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session
 
 BLOCK = zenoh.CongestionControl.BLOCK
@@ -123,6 +124,29 @@ def test_answers_that_cannot_leave_are_bounded(network, monkeypatch):
     for _ in range(10):
         session.get(key("arm", "ask/status"), payload=b"x")
     assert list(robot.requests()) == []
+    session.get(key("arm", "ask/stop"), payload=b"x")
+    (stop,) = eventually(lambda: list(robot.requests()), "a stop, which is taken all the same")
+    for _ in range(WAITING_ANSWERS + 2):
+        stop.answer(b"bytes")
+    session.get(key("arm", "ask/stop"), payload=b"x")
+    assert list(robot.requests()) == []
+
+
+def test_stops_that_are_refused_are_passed_over_at_once_and_all_else_is_not(network):
+    robot, _ = network.pair(blocking=True)
+    session, seen = stranger(network), list[str]()
+    robot._guard = SimpleNamespace(
+        follows=lambda _: True, admitted=lambda request: seen.append(request.verb), close=list
+    )
+    for number in range(2 * REFUSED_AT_ONCE):
+        session.get(key("arm", "ask/status"), payload=b"%d" % number)
+        session.get(key("arm", "ask/stop"), payload=b"%d" % number)
+    session.put(key("arm", "setpoint"), b"behind them all", congestion_control=BLOCK)
+    assert robot.arrival.wait(PATIENCE_S)
+    for verbs in (["stop"] * 2 * REFUSED_AT_ONCE, *2 * [["status"] * REFUSED_AT_ONCE]):
+        assert list(robot.requests()) == []
+        assert seen == verbs
+        seen.clear()
 
 
 def test_three_hundred_connections_that_say_nothing_keep_no_client_out(network):

@@ -366,7 +366,7 @@ def test_no_robot_is_no_presence_and_no_answer(network):
 
 def test_closing_the_robot_ends_its_threads(network):
     robot, _ = network.pair()
-    threads = [robot._receiver, robot._answers._thread]
+    threads = [robot._receiver, robot._answers._thread, robot._stop_answers._thread]
     assert all(thread.is_alive() for thread in threads)
     robot.close()
     assert not any(thread.is_alive() for thread in threads)

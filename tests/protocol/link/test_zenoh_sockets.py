@@ -8,9 +8,10 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
 from loopback import Network, eventually, next_state
 
-from hoap3.protocol.link.zenoh_sockets import forbid_lingering
+from hoap3.protocol.link.zenoh_sockets import forbid_lingering, shut_down
 
 TEN_SECONDS = struct.pack("ii", 1, 10)
 
@@ -59,3 +60,17 @@ def test_only_tcp_sockets_that_linger_are_touched():
 def test_without_proc_nothing_happens(monkeypatch, tmp_path):
     monkeypatch.setattr("hoap3.protocol.link.zenoh_sockets._SOCKETS", tmp_path / "none")
     assert forbid_lingering() == 0
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_a_client_of_ipv4_is_shut_down_at_a_socket_of_both(mapped):
+    host = "[::ffff:127.0.0.1]" if mapped else "127.0.0.1"
+    with (
+        socket.create_server(("::", 0), family=socket.AF_INET6, dualstack_ipv6=True) as server,
+        socket.create_connection(("127.0.0.1", server.getsockname()[1])) as client,
+        server.accept()[0],
+    ):
+        port = client.getsockname()[1]
+        assert shut_down(f"tls/{host}:{port + 1 if port < 65535 else 1}") == 0
+        assert shut_down(f"tls/{host}:{port}") == 1
+        assert client.recv(1) == b""
