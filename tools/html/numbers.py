@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES
+from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, rank
 
 NAMES = {"p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9", "p99_99": "p99.99"}
 """Keys of a summary, and how people write them."""
@@ -23,10 +23,11 @@ def summary(values: Any) -> dict[str, float]:
     shares = dict(PERCENTILES)
     if len(sample) >= TAIL_SAMPLES:
         shares["p99_99"] = 99.99
-    result["min"] = float(sample.min())
+    ordered = np.sort(sample)
+    result["min"] = float(ordered[0])
     for name, share in shares.items():
-        result[name] = float(np.percentile(sample, share, method="inverted_cdf"))
-    result["max"] = float(sample.max())
+        result[name] = float(ordered[rank(len(ordered), share) - 1])
+    result["max"] = float(ordered[-1])
     return result
 
 

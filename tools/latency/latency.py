@@ -34,7 +34,8 @@ from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, link
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.run import run_realtime
-from hoap3.tools.timing.tick_metrics import percentiles, tick_figures
+from hoap3.tools.show.verdicts import FAILED
+from hoap3.tools.timing.tick_metrics import MISSES_TO_STOP, percentiles, tick_figures
 from hoap3.tools.timing.ticks import TickTable
 
 WARM_UP = 200
@@ -113,7 +114,7 @@ def measure_latency(
     if not tables:
         raise Hoap3Error("interrupted before the first block was complete")
     return {
-        **tick_figures(tables),
+        **tick_figures(tables, MISSES_TO_STOP),
         **compare(tables, echoes),
         "plain_rtt_us": _rtt(plain) if plain else None,
         "link": plan.link,
@@ -146,8 +147,11 @@ def analyse_log(path: Path) -> dict[str, Any]:
             f"{path}: no tick asked for an answer.{cut} Name the log of a robot that moved"
         )
     machine = {name: json.loads(value) for name, value in log.metadata.get("machine", {}).items()}
+    figures = tick_figures([table])
+    if (log.truncated or log.damages) and figures["verdicts"]["deadlines"] not in FAILED:
+        figures["verdicts"]["deadlines"] = None  # who knows what was in the rest
     return {
-        **tick_figures([table]),
+        **figures,
         "echo_rtt_us": None,
         "rtt_ratio": None,
         "period_us": table.period / 1e3,
@@ -242,6 +246,8 @@ def _block(
             links=links,
             should_stop=should_stop,
         )
+        if summary["log_lost"]:
+            raise Hoap3Error("; ".join(summary["log_lost"]))
         table = TickTable.from_run(folder).after(WARM_UP)
         if not len(table):
             raise Hoap3Error("the robot did not move for longer than the warm-up")

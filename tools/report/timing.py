@@ -60,8 +60,7 @@ class Timing:
     @property
     def stalls(self) -> list[Stall]:
         """Of the host, from the first tick to the end of the last; none where nobody watched."""
-        end = int(self.table.intended[-1]) + self.table.period
-        return [s for s in self.table.stalls or () if s.end > self.start_ns and s.start < end]
+        return self.table.stalls_of_motion or []
 
     def us(self, name: str) -> FloatArray:
         """A stage, or `rtt`, of every tick [µs]; NaN where there is none."""

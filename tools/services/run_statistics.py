@@ -66,7 +66,7 @@ class RunStatistics:
         self._jitter = Jitter(period_ns)
         self._skipped = 0
         self._active_tick = -1
-        self._skipped_before: int | None = None
+        self._skipped_active = 0
         self._encoded: tuple[int, int] | None = None
         self.rtt, self.wakeup = Durations(), Durations()
         self.stages = {name: Durations() for name in STAGES}
@@ -112,7 +112,7 @@ class RunStatistics:
         robot, state = self._summary or {}, self.state
         run_rate = robot.get("run_rate") if robot.get("asked") else None
         safe_stops = robot.get("safe_stops", 0)
-        skipped = self._skipped - (self._skipped_before or 0)
+        skipped = self._skipped_active
         outside, outside_rate = self._outside(robot.get("in_time", 0))
         deadlines: str | None = "unfit"
         if run_rate is not None:
@@ -216,8 +216,8 @@ class RunStatistics:
         if self._timing:
             self._note_failures(mode, intended, actual, skipped)
             self._note_motion(mode == State.ACTIVE, intended)
-        if self._skipped_before is None and mode == State.ACTIVE:
-            self._skipped_before = self._skipped
+        if was_active and mode == State.ACTIVE:
+            self._skipped_active += skipped - self._skipped
         if self._timing and mode == State.ACTIVE:
             self.wakeup.add(actual - intended, tick)
             if skipped != self._skipped or tick != self._active_tick + 1:

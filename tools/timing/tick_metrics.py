@@ -5,13 +5,14 @@ Percentiles are nearest-rank: a value that was measured, exact.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, verdict
+from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, rank, verdict
 from hoap3.tools.machine.stall_figures import figures as stall_figures
 from hoap3.tools.timing.miss_attribution import Times
 from hoap3.tools.timing.tick_logs import NEVER, Stamps
@@ -21,11 +22,12 @@ MISSES_TO_STOP = 20
 """Misses in a row after which a robot with ordinary settings stops safely."""
 
 
-def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
+def tick_figures(tables: Sequence[TickTable], misses_to_stop: float = math.inf) -> dict[str, Any]:
     """Everything that the ticks of some runs say.
 
     Args:
         tables: of runs that followed each other; `block` in `worst` counts them from 0.
+        misses_to_stop: misses in a row that count as a safe stop, where the robot itself goes on.
     """
     in_time = np.concatenate([table.outcome == IN_TIME for table in tables])
     asked = np.concatenate([table.asked for table in tables])
@@ -33,7 +35,7 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
     rate = float(np.mean(in_time[asked])) if ticks else None
     scheduled = float(np.mean(in_time)) if ticks else 0.0  # skipped ticks were not in time either
     longest = max((longest_run(table) for table in tables), default=0)
-    stopped = longest >= MISSES_TO_STOP or any(table.safe_stops for table in tables)
+    stopped = longest >= misses_to_stop or any(table.safe_stops for table in tables)
     windows = [found for table in tables if (found := worst_window(table)) is not None]
     outside, rate_outside = _outside_stalls(tables)
     stalls = [stall for table in tables for stall in table.stalls_of_motion or ()]
@@ -104,10 +106,10 @@ def percentiles(values: Times, ticks: Stamps | None = None) -> dict[str, Any]:
     if not len(values):
         return result
     shares = {**PERCENTILES, **({"p99_99": 99.99} if len(values) >= TAIL_SAMPLES else {})}
-    found = np.percentile(values, list(shares.values()), method="inverted_cdf")
-    result["min"] = float(values.min()) / 1e3
-    result |= {name: float(value) / 1e3 for name, value in zip(shares, found, strict=True)}
-    result["max"] = float(values.max()) / 1e3
+    ordered = np.sort(values)
+    found = {name: ordered[rank(len(ordered), share) - 1] for name, share in shares.items()}
+    found = {"min": ordered[0], **found, "max": ordered[-1]}
+    result |= {name: float(value) / 1e3 for name, value in found.items()}
     if ticks is not None:
         numbers = ticks[known]
         result["worst"] = [
@@ -144,13 +146,13 @@ def jitter(tables: Sequence[TickTable]) -> dict[str, Any]:
     deviations = np.concatenate([_deviations(table) for table in tables])
     if len(deviations) < 2:
         return {"n": len(deviations)}
-    sizes = np.abs(deviations)
-    p50, p99_9 = np.percentile(sizes, [50.0, 99.9], method="inverted_cdf")
+    sizes = np.sort(np.abs(deviations))
+    p50, p99_9 = (sizes[rank(len(sizes), share) - 1] for share in (50.0, 99.9))
     return {
         "n": len(deviations),
         "std": float(np.std(deviations, ddof=1)) / 1e3,
         "p99_9_minus_p50": float(p99_9 - p50) / 1e3,
-        "max": float(sizes.max()) / 1e3,
+        "max": float(sizes[-1]) / 1e3,
     }
 
 

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.tools.cli.latency import latency
+from hoap3.tools.latency import latency as measuring
 from hoap3.tools.latency.echo import Exchanges
 from hoap3.tools.latency.latency import WARM_UP, Plan, analyse_log, compare, measure_latency
 from hoap3.tools.latency.show import show_latency
@@ -79,7 +80,7 @@ def made_up(monkeypatch):
         story = Story(round(duration * 1000), len(order))
         story.lengths["outbound"] += 10.0 * len(order)
         story.write(folder)
-        return {"realtime": []}
+        return {"realtime": [], "log_lost": []}
 
     class Echo:
         def __init__(self, order_of_block, *_):
@@ -178,6 +179,23 @@ def test_the_exit_code_is_the_verdict(tmp_path, lost, code):
     Story(500, vanished=set(range(0, 8 * lost, 8))).write(tmp_path)
     done = command("--log", tmp_path)
     assert done.exit_code == code
+
+
+def test_a_log_that_was_cut_off_is_not_called_fit(tmp_path):
+    Story(500).write(tmp_path)
+    file = tmp_path / "robot.mcap"
+    assert analyse_log(tmp_path)["verdicts"]["deadlines"] == "fit"
+    file.write_bytes(file.read_bytes()[:-100])
+    found = analyse_log(tmp_path)
+    assert found["missing"]
+    assert found["verdicts"]["deadlines"] is None
+
+
+def test_a_log_that_is_lost_in_a_block_ends_the_measurement(monkeypatch):
+    lost = {"log_lost": ["the robot's log is not whole: No space left on device"]}
+    monkeypatch.setattr(measuring, "run_realtime", lambda *_, **__: lost)
+    with pytest.raises(Hoap3Error, match="No space left"):
+        measure_latency(plan())
 
 
 def test_a_log_tells_of_its_worst_ticks(tmp_path, capsys):

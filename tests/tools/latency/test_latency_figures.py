@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 from support.tick_story import MS, START, US, Story
 
 from hoap3.protocol.runtime.deadlines import Deadlines, Durations, Jitter
+from hoap3.tools.html.numbers import summary
 from hoap3.tools.machine.stalls import StallLog
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.stall_attribution import OutsideStalls
 from hoap3.tools.timing.tick_logs import NEVER
 from hoap3.tools.timing.tick_metrics import (
+    MISSES_TO_STOP,
     jitter,
     longest_run,
     percentiles,
@@ -67,6 +69,16 @@ def test_percentiles_agree_with_the_histograms_of_a_run_overflows_included(value
     for name in ("p50", "p90", "p99", "p99_9"):
         if ours[name] < 10_000_000:  # longer ones overflow there
             assert theirs[name] == pytest.approx(ours[name], rel=0.002)
+
+
+@pytest.mark.parametrize("n", [10, 999, 1000, 1001, 2000, 9970, 10_000])
+def test_a_percentile_is_the_value_of_the_nearest_rank(n):
+    """Rank 999 of 1000 at 99.9 %, though 99.9 / 100 is a little more than that as a double."""
+    values = np.random.default_rng(n).permutation(np.arange(1.0, n + 1.0)) * 1e3
+    found = percentiles(values)
+    for name, tenths in (("p50", 500), ("p90", 900), ("p99", 990), ("p99_9", 999)):
+        assert found[name] == -(-n * tenths // 1000)
+        assert summary(values / 1e3)[name] == found[name]
 
 
 def test_the_far_tail_needs_a_hundred_thousand():
@@ -245,8 +257,9 @@ def test_the_guilty_stage_is_never_the_host(table):
 @pytest.mark.parametrize(("lost", "verdict"), [(19, "fit"), (20, "unfit")])
 def test_what_would_have_stopped_the_robot_is_unfit(table, lost, verdict):
     story = Story(2000, vanished=set(range(100, 100 + lost)))
-    figures = tick_figures([table(story)])
+    figures = tick_figures([table(story)], MISSES_TO_STOP)
     assert figures["misses"]["longest_run"] == lost
+    assert tick_figures([table(story)])["verdicts"]["deadlines"] == "fit"  # where it goes on
     assert figures["verdicts"] == {"deadlines": verdict, "task": None, "limits_and_balance": None}
 
 

@@ -199,7 +199,11 @@ def test_what_is_skipped_while_nothing_is_asked_is_no_miss():
     robot.tick(5, skipped=4, mode=State.IDLE)
     robot.tick(6)
     robot.tick(7)
+    robot.tick(8, mode=State.IDLE)
+    robot.tick(5000, skipped=4991, mode=State.IDLE)  # a night
     assert robot.summary(in_time=1) == (0, 1.0)
+    assert robot.statistics.summary()["skipped"] == 0
+    assert robot.statistics.summary()["verdicts"]["deadlines"] != "unfit"
 
 
 def test_without_a_monitor_nothing_is_said():
