@@ -11,7 +11,7 @@ from hoap3.protocol.config.plugins import blame
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.messages import Event, FloatArray, State
+from hoap3.protocol.messages import Event, FloatArray, Setpoint, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.recorder import Recorder
@@ -41,6 +41,25 @@ def failure(controller: Controller, what: str, error: BaseException) -> Hoap3Err
         return error
     kind = type(controller)
     return Hoap3Error(f"controller {kind.__name__} {what}: {blame(error, kind)}")
+
+
+def checked(controller: Controller, command: Setpoint, values: FloatArray) -> Setpoint:
+    """The answer of a controller, of which nothing else travels than its author sees.
+
+    Args:
+        controller: that answered.
+        command: what its `step` returned.
+        values: the array that the bytes of its message have always had.
+
+    Raises:
+        UsageError: another message, or `values` was set to another array.
+    """
+    if command is not controller.command or controller.command.values is not values:
+        raise UsageError(
+            f"{type(controller).__name__}.step: write into the message that there is, "
+            "`self.command.values[:] = …`, and return `self.command`"
+        )
+    return command
 
 
 class ControllerLoop:
@@ -74,6 +93,7 @@ class ControllerLoop:
         outcome: Outcome | None = None,
     ) -> None:
         self._controller, self._clock, self._recorder = controller, clock, recorder
+        self._values = controller.command.values
         controller.now = clock.now
         self._state = State.allocate(**controller.description.state_lengths)
         self._lockstep = isinstance(clock, VirtualClock)
@@ -195,7 +215,7 @@ class ControllerLoop:
                 self._note_reset(tick, last)
             elif not asked and self._runs_up(state):
                 self._reset(state)
-            command = controller.step(state)
+            command = checked(controller, controller.step(state), self._values)
             command.stamp_solved = now()
             self.steps += 1
         except (Exception, SystemExit) as error:  # nobody else may end us

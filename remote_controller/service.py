@@ -38,7 +38,7 @@ from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_re
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config_exchange import is_config, own_config
 from hoap3.remote_controller.controllers.base import Controller
-from hoap3.remote_controller.loop import ControllerLoop, failure
+from hoap3.remote_controller.loop import ControllerLoop, checked, failure
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.silence import SilenceWatch
@@ -84,11 +84,12 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
     """
     state = State.allocate(**description.state_lengths)
     state.q[:] = state.reference[:] = description.initial_position
+    values = controller.command.values
     try:
         controller.reset(state, None)
         for tick in range(REHEARSALS):
             state.tick = tick
-            controller.step(state)
+            checked(controller, controller.step(state), values)
     except (Exception, SystemExit) as error:  # nobody else may end us
         what = f"failed when it rehearsed with robot {description.name!r}, {description.n} joints"
         raise failure(controller, what, error) from error

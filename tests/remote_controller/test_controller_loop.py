@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from loop_bench import SESSION, Bench
+from loop_bench import SESSION, Bench, Wanderer
 from support.small_arm import arm
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
@@ -15,7 +15,7 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.claim import MOST_STRANGE_STATES
 from hoap3.remote_controller.loop import LONGEST_CHANGE, ControllerLoop
-from hoap3.remote_controller.service import serve
+from hoap3.remote_controller.service import rehearse, serve
 
 
 def test_an_answer_belongs_to_its_state():
@@ -282,3 +282,38 @@ def test_a_controller_that_is_no_json_is_a_clear_failure_before_it_answers_anyth
     bench.controller.extra_names = (name,)
     with pytest.raises(Hoap3Error, match="Wanderer failed to say what it is"):
         bench.loop.about()
+
+
+class Elsewhere(Wanderer):
+    """Sets `values` to an array of its own, of which nothing would travel."""
+
+    def step(self, state: State) -> Setpoint:
+        self.command.values = state.reference + 1e-3
+        return self.command
+
+
+class Another(Wanderer):
+    """Returns a message of its own."""
+
+    def step(self, state: State) -> Setpoint:
+        super().step(state)
+        return Setpoint(3)
+
+
+class Forgetful(Wanderer):
+    """Returns nothing."""
+
+    def step(self, state: State) -> Setpoint:
+        super().step(state)
+        return None  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("kind", [Elsewhere, Another, Forgetful])
+def test_an_answer_that_is_not_what_would_travel_is_refused_at_once(kind):
+    bench = Bench()
+    loop = ControllerLoop(kind(bench.clock), bench.clock, bench.recorder, SESSION)
+    loop.grant(1)
+    with pytest.raises(UsageError, match=rf"{kind.__name__}\.step.*values\[:\]"):
+        loop.answer(bench.clock.now(), bench.state(5))
+    with pytest.raises(Hoap3Error, match=kind.__name__):
+        rehearse(kind(bench.clock), arm())
