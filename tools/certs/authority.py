@@ -9,7 +9,7 @@ from __future__ import annotations
 import ipaddress
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,8 @@ from hoap3.tools.logs.atomic_write import whole_file
 
 CA_KEY_FILE = "ca.key"
 HOSTS = ("localhost", "127.0.0.1", "::1")  # at which a robot is reached on its own machine
+FILES = (KEY_FILE, CERTIFICATE_FILE, CA_FILE)
+"""Of whoever holds a certificate."""
 SLACK = timedelta(minutes=5)  # by which clocks may differ
 
 
@@ -42,8 +44,13 @@ def init(folder: Path, valid: timedelta) -> Path:
         UsageError: there is one, or the folder cannot be written.
     """
     check_installed()
-    if (folder / CA_KEY_FILE).exists() or (folder / REGISTER_FILE).exists():
+    if (folder / REGISTER_FILE).exists():
         raise UsageError(f"{folder}: holds an authority already. Name another folder")
+    if (folder / CA_KEY_FILE).exists():
+        raise UsageError(
+            f"{folder}: holds {CA_KEY_FILE} and no {REGISTER_FILE}. Where an `init` was cut short, "
+            f"remove {CA_KEY_FILE}; where the register was lost, name another folder"
+        )
     from cryptography import x509
     from cryptography.hazmat.primitives import hashes
     from cryptography.hazmat.primitives.asymmetric import ec
@@ -71,7 +78,8 @@ def init(folder: Path, valid: timedelta) -> Path:
     )
     with _writing(folder):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _write_secret(folder / CA_KEY_FILE, _pem_of_key(key))
+        with whole_file(folder / CA_KEY_FILE) as draft:
+            _write_secret(draft, _pem_of_key(key))
         _write(folder / CA_FILE, _pem(certificate))
         _write(folder / REGISTER_FILE, Register().to_yaml().encode())
     return folder / CA_FILE
@@ -105,16 +113,16 @@ def issue(
     entry = parse(Entry, {"name": name, "role": role, "expires": ""}, "hoap3 certs issue")
     _check_hosts(hosts, entry)
     entry = _make(folder, entry, [*HOSTS, *hosts] if role == "robot" else [], valid)
-    changed: list[Path] = []
-    failed: list[str] = []
     if role == "robot":
-        changed.append(folder / name / ACCESS_FILE)
-        _write(changed[0], _everybody(register).to_yaml().encode())
-    else:  # the name may stand there by hand
-        changed, failed = _change_lists(
-            folder, register, lambda access: access.without(name).with_name(name, role)
-        )
-    _save(folder, register.with_entry(entry))
+        own = folder / name / ACCESS_FILE
+        with _writing(own.parent):
+            _write(own, _everybody(register).to_yaml().encode())
+        _save(folder, register.with_entry(entry))
+        return own.parent, [own], []
+    _save(folder, register.with_entry(entry))  # before anybody lets it in: so it can be revoked
+    changed, failed = _change_lists(  # the name may stand there by hand
+        folder, register, lambda access: access.without(name).with_name(name, role)
+    )
     return folder / name, changed, failed
 
 
@@ -135,7 +143,8 @@ def renew(folder: Path, name: str, valid: timedelta, hosts: Sequence[str] = ()) 
     register = read_register(folder)
     entry = register.get(name)
     _check_hosts(hosts, entry)
-    hosts = [*HOSTS, *hosts] if hosts else _hosts_in(folder / name / CERTIFICATE_FILE)
+    if entry.role == "robot":
+        hosts = [*HOSTS, *hosts] if hosts else _hosts_in(folder / name / CERTIFICATE_FILE)
     _save(folder, register.with_entry(_make(folder, entry, hosts, valid)))
     return folder / name
 
@@ -170,8 +179,11 @@ def _make(folder: Path, entry: Entry, hosts: Sequence[str], valid: timedelta) ->
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
     from cryptography.x509.oid import ExtendedKeyUsageOID
 
-    ca_key: Any = load_pem_private_key((folder / CA_KEY_FILE).read_bytes(), None)
-    ca = x509.load_pem_x509_certificate((folder / CA_FILE).read_bytes())
+    with _reading(folder / CA_KEY_FILE, "The authority's key, without a password, belongs there"):
+        ca_key: Any = load_pem_private_key((folder / CA_KEY_FILE).read_bytes(), None)
+    with _reading(folder / CA_FILE, "The authority's certificate belongs there"):
+        ca_pem = (folder / CA_FILE).read_bytes()
+        ca = x509.load_pem_x509_certificate(ca_pem)
     key = ec.generate_private_key(ec.SECP256R1())
     robot = entry.role == "robot"
     purpose = ExtendedKeyUsageOID.SERVER_AUTH if robot else ExtendedKeyUsageOID.CLIENT_AUTH
@@ -185,11 +197,12 @@ def _make(folder: Path, entry: Entry, hosts: Sequence[str], valid: timedelta) ->
     )
     certificate = builder.sign(ca_key, hashes.SHA256())
     place = folder / entry.name
-    with _writing(place):
+    with _writing(place), ExitStack() as at_once:  # a key without its certificate is worth nothing
         place.mkdir(mode=0o700, exist_ok=True)
-        _write_secret(place / KEY_FILE, _pem_of_key(key))
-        _write(place / CERTIFICATE_FILE, _pem(certificate))
-        _write(place / CA_FILE, (folder / CA_FILE).read_bytes())
+        drafts = [at_once.enter_context(whole_file(place / name)) for name in FILES]
+        _write_secret(drafts[0], _pem_of_key(key))
+        drafts[1].write_bytes(_pem(certificate))
+        drafts[2].write_bytes(ca_pem)
     return entry.model_copy(update={"expires": certificate.not_valid_after_utc.isoformat()})
 
 
@@ -230,7 +243,8 @@ def _check_hosts(hosts: Sequence[str], entry: Entry) -> None:
 
 
 def _save(folder: Path, register: Register) -> None:
-    _write(folder / REGISTER_FILE, register.to_yaml().encode())
+    with _writing(folder):
+        _write(folder / REGISTER_FILE, register.to_yaml().encode())
 
 
 def _builder(subject: Any, issuer: Any, public: Any, valid: timedelta) -> Any:
@@ -279,7 +293,8 @@ def _alternatives(hosts: Iterable[str]) -> Any:
 def _hosts_in(certificate: Path) -> list[str]:
     from cryptography import x509
 
-    content = x509.load_pem_x509_certificate(certificate.read_bytes())
+    with _reading(certificate, "Name the hosts at which the robot is reached: --host"):
+        content = x509.load_pem_x509_certificate(certificate.read_bytes())
     names = content.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     return [str(each.value) for each in names]
 
@@ -299,6 +314,16 @@ def _pem_of_key(key: Any) -> bytes:
 
 
 @contextmanager
+def _reading(file: Path, remedy: str) -> Iterator[None]:
+    """Name the file that cannot be read, or is not what it should be."""
+    try:
+        yield
+    except (OSError, TypeError, ValueError) as error:
+        why = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise UsageError(f"{file}: cannot be read ({why}). {remedy}") from error
+
+
+@contextmanager
 def _writing(place: Path) -> Iterator[None]:
     """Name the place that cannot be written."""
     try:
@@ -314,10 +339,8 @@ def _write(path: Path, data: bytes) -> None:
         draft.write_bytes(data)
 
 
-def _write_secret(path: Path, data: bytes) -> None:
-    """Write what its owner alone may read, from the first moment on."""
-    with (
-        whole_file(path) as draft,
-        os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file,
-    ):
+def _write_secret(draft: Path, data: bytes) -> None:
+    """Write a new file that its owner alone may read, from the first moment on."""
+    new = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(new, "wb") as file:
         file.write(data)

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import stat
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
 from support.certificates.laboratory import DAY, laboratory
 
 from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.protocol.secure.access import read_access
 from hoap3.protocol.secure.credentials import read_credentials
+from hoap3.tools.certs import authority
 from hoap3.tools.certs.authority import HOSTS, init, issue, renew, revoke
 from hoap3.tools.certs.register import read_register
 
@@ -139,3 +147,65 @@ def test_only_robots_have_hosts_and_none_is_revoked(certs):
 def test_without_an_authority_the_command_that_makes_one_is_named(tmp_path):
     with pytest.raises(UsageError, match="hoap3 certs init"):
         issue(tmp_path, "a", "observer", [], DAY)
+
+
+def test_an_authority_that_was_cut_short_says_what_to_remove(tmp_path):
+    certs = tmp_path / "certs"
+    init(certs, DAY)
+    (certs / "register.yaml").unlink()
+    with pytest.raises(UsageError, match=r"remove ca\.key"):
+        init(certs, DAY)
+    (certs / "ca.key").unlink()
+    init(certs, DAY)
+    issue(certs, "anna", "operator", [], DAY)
+
+
+def test_a_renewal_that_fails_leaves_a_pair_that_fits(certs, monkeypatch):
+    before = {path.name: path.read_bytes() for path in (certs / "qp").iterdir()}
+
+    def full(_: object) -> bytes:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(authority, "_pem", full)
+    with pytest.raises(UsageError, match="No space left"):
+        renew(certs, "qp", DAY)
+    assert {path.name: path.read_bytes() for path in (certs / "qp").iterdir()} == before
+    assert read_credentials(certs / "qp").name == "qp"
+
+
+def test_who_has_moved_is_renewed_and_a_robot_needs_its_hosts(certs):
+    for name in ("anna", "arm"):
+        for path in (certs / name).iterdir():
+            path.unlink()
+    renew(certs, "anna", DAY)
+    assert read_credentials(certs / "anna").role == "operator"
+    with pytest.raises(UsageError, match="--host"):
+        renew(certs, "arm", DAY)
+    renew(certs, "arm", DAY, ["192.168.1.10"])
+    assert hosts(certs / "arm" / "cert.pem") == {*HOSTS, "192.168.1.10"}
+
+
+@pytest.mark.parametrize("content", [None, b"nonsense", "encrypted"])
+def test_an_authoritys_key_that_cannot_be_used_is_named(content, certs):
+    file = certs / "ca.key"
+    key = load_pem_private_key(file.read_bytes(), None)
+    file.unlink()
+    if content == "encrypted":
+        locked = BestAvailableEncryption(b"secret")
+        content = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, locked)
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(UsageError, match=r"ca\.key"):
+        issue(certs, "new", "observer", [], DAY)
+    assert read_register(certs).find("new") is None
+
+
+def test_a_name_that_a_list_has_can_be_revoked_whatever_failed(certs, monkeypatch):
+    def fail(*_: object) -> object:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(authority, "_change_lists", fail)
+    with pytest.raises(KeyboardInterrupt):
+        issue(certs, "new", "observer", [], DAY)
+    monkeypatch.undo()
+    revoke(certs, "new")
