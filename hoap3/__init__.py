@@ -2,8 +2,7 @@
 
     import hoap3
 
-    robot = hoap3.load_robot("hoap3")
-    run = hoap3.simulate(robot=robot, controller="qp12", duration=5.0)
+    run = hoap3.simulate(robot="hoap3", controller="qp12", duration=5.0)
 
 Importing this package loads neither numba nor Pinocchio, Zenoh or matplotlib: what needs them is
 loaded when its name is first used. The rooms of the repository stand in it as subpackages.

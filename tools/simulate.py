@@ -160,8 +160,8 @@ class Simulation:
 
 
 def simulate(
-    robot: str | Mapping[str, Any] | EmulatorConfig = "hoap3",
-    controller: str | Mapping[str, Any] | ControllerConfig = "qp12",
+    robot: str | Path | Mapping[str, Any] | EmulatorConfig = "hoap3",
+    controller: str | Path | Mapping[str, Any] | ControllerConfig = "qp12",
     duration: float = 5.0,
     seed: int = 0,
     fate: DelayModel | None = None,
@@ -171,7 +171,7 @@ def simulate(
     """Run a robot and a controller against each other, faster than real time.
 
     Args:
-        robot: name or file of an emulator config, a robot's path, settings, or a mapping.
+        robot: name or file of an emulator config, a robot's name or path, settings, or a mapping.
         controller: name or file of a controller config, settings, or a mapping.
         duration: of the motion [s]; the robot then comes to rest.
         seed: names the session, and everything random.
@@ -213,12 +213,15 @@ def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
     return read_emulator_config(robot)
 
 
-def emulator_settings(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int) -> EmulatorConfig:
+def emulator_settings(
+    robot: str | Path | Mapping[str, Any] | EmulatorConfig, seed: int
+) -> EmulatorConfig:
     """Settings of an emulator, however `simulate` was given them."""
     if isinstance(robot, EmulatorConfig):
         return robot.model_copy(update={"seed": seed})
+    given = _named(robot, "robot")
     content, file = (
-        emulator_content(robot) if isinstance(robot, str) else (dict(robot), "simulate(robot)")
+        emulator_content(given) if isinstance(given, str) else (given, "simulate(robot)")
     )
     return parse(EmulatorConfig, {**content, "seed": seed}, file)
 
@@ -262,18 +265,33 @@ def _other_pairs(file: str, robot: str) -> str:
     return f"Take {', or '.join(choices)}" if choices else "Choose another robot or controller"
 
 
-def controller_settings(controller: str | Mapping[str, Any] | ControllerConfig) -> ControllerConfig:
+def controller_settings(
+    controller: str | Path | Mapping[str, Any] | ControllerConfig,
+) -> ControllerConfig:
     """Settings of a controller, however `simulate` was given them."""
     if isinstance(controller, ControllerConfig):
         return controller
-    if isinstance(controller, str):
-        return parse(ControllerConfig, *read_controller_config(controller))
-    return parse(ControllerConfig, dict(controller), "simulate(controller)")
+    given = _named(controller, "controller")
+    if isinstance(given, str):
+        return parse(ControllerConfig, *read_controller_config(given))
+    return parse(ControllerConfig, given, "simulate(controller)")
 
 
-def controller_file(controller: str | Mapping[str, Any] | ControllerConfig) -> str:
+def controller_file(controller: str | Path | Mapping[str, Any] | ControllerConfig) -> str:
     """Where the settings of a controller stand, beside which other files are sought."""
-    return read_controller_config(controller)[1] if isinstance(controller, str) else "simulate"
+    if isinstance(controller, str | Path):
+        return read_controller_config(str(controller))[1]
+    return "simulate"
+
+
+def _named(given: object, what: str) -> str | dict[str, Any]:
+    """A name or path as text, or settings as they are."""
+    if isinstance(given, str | Path):
+        return str(given)
+    if isinstance(given, Mapping):
+        return dict(given)
+    remedy = f"Give a name, a path, or settings such as {{'{what}': …}}"
+    raise ConfigError("simulate", what, type(given).__name__, "names no " + what, remedy)
 
 
 def _table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> np.ndarray[Any, Any]:

@@ -10,8 +10,15 @@ import warnings
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
+from hoap3.protocol.config.plugins import blame
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, NotInstalledError, UnknownNameError, UrdfWarning
+from hoap3.protocol.errors import (
+    ConfigError,
+    Hoap3Error,
+    NotInstalledError,
+    UnknownNameError,
+    UrdfWarning,
+)
 from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.robots.yaml_file import read_robot
 
@@ -106,11 +113,14 @@ def _third_party(entry: EntryPoint) -> RobotDescription:
     where = f"entry point {entry.name} of {GROUP}"
     try:
         robot = entry.load()
-    except (ImportError, AttributeError) as error:
+        if callable(robot):
+            robot = robot()
+    except Hoap3Error:
+        raise
+    except (Exception, SystemExit) as error:  # nobody else may end us
         remedy = "Correct the entry point, or reinstall the distribution that declares it"
-        raise ConfigError(where, "", entry.value, f"cannot be loaded: {error}", remedy) from error
-    if callable(robot):
-        robot = robot()
+        problem = f"cannot be loaded: {blame(error)}"
+        raise ConfigError(where, "", entry.value, problem, remedy) from error
     if isinstance(robot, RobotDescription):
         return robot
     if isinstance(robot, str | Path):

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hoap3
-from hoap3.protocol.errors import UsageError
+from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.loop import ControllerLoop
@@ -343,3 +343,11 @@ def test_a_stale_target_that_stops_makes_the_robot_stop_safely():
     stopping = done.states["tick"][done.states["mode"] == State.STOPPING]
     assert 301 < stopping[0] < 400
     assert replay_records(done.records, config).identical
+
+
+@pytest.mark.parametrize("kind", ["frame_position", "frame_pose", "com"])
+def test_a_range_that_holds_nothing_is_refused_before_anybody_steers(kind):
+    swapped = {"lower_m": [-1.0, -1.0, 0.8], "upper_m": [1.0, 1.0, 0.2]}
+    task = steered_task(kind, name="hand", frame="tool0" if kind != "com" else "base", live=swapped)
+    with pytest.raises(ConfigError, match=r"upper_m\[2\]"):
+        hoap3.simulate("ur5", law("ghc_velocity", [task]), duration=0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,7 @@ class Environment(Env):
 
     def __init__(
         self,
-        robot: str | Mapping[str, Any] | EmulatorConfig = "hoap3",
+        robot: str | Path | Mapping[str, Any] | EmulatorConfig = "hoap3",
         reward: Callable[[Transition], float] = _nothing,
         terminated: Callable[[Transition], bool] = _never,
         truncated: Callable[[Transition], bool] = _never,

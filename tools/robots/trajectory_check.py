@@ -17,7 +17,10 @@ from hoap3.remote_controller.references.trajectories.motion_file import (
     read_text,
 )
 from hoap3.remote_controller.references.trajectories.trajectory import Degree, Trajectory, degree_of
-from hoap3.remote_controller.references.trajectories.trajectory_settings import AXES
+from hoap3.remote_controller.references.trajectories.trajectory_settings import (
+    AXES,
+    check_motion,
+)
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.motion_files import is_log
 from hoap3.tools.logs.motions import motion_of
@@ -53,7 +56,9 @@ def look(
         "time_scaling": scaling,
     }
     others = [name for name in motion.names if name not in known]
-    if len(others) == len(motion.names):
+    in_space = len(others) == len(motion.names)
+    check_motion(motion, file, degree, AXES if in_space else ())
+    if in_space:
         return found | _of_points(motion, degree, scaling, description.period_s)
     if others:
         remedy = f"Joints are one motion; {', '.join((*AXES, *QUATERNION))} are another"
@@ -97,17 +102,21 @@ def shown(found: dict[str, Any]) -> Iterator[str]:
 def _of_points(motion: Motion, degree: Degree, scaling: float, period: float) -> dict[str, Any]:
     """Of a motion in space, at each period: how fast it is, and where."""
     path = Trajectory(motion, degree, scaling)
-    ticks = math.ceil(path.rests_after_s / period) + 1
-    places, velocities = np.zeros((2, ticks, path.dimension))
-    for tick in range(ticks):
-        path.at(tick * period, places[tick], velocities[tick])
     axes = [i for i, name in enumerate(motion.names) if name in AXES]
-    bends = np.diff(velocities[:, axes], axis=0) / period
+    (place, velocity), before = np.zeros((2, path.dimension)), None
+    least, most, fastest, bend = np.full(3, np.inf), np.full(3, -np.inf), 0.0, 0.0
+    for tick in range(math.ceil(path.rests_after_s / period) + 1):
+        path.at(tick * period, place, velocity)
+        moves = velocity[axes]
+        least, most = np.minimum(least, place[axes]), np.maximum(most, place[axes])
+        fastest = max(fastest, float(np.linalg.norm(moves)))
+        if before is not None:
+            bend = max(bend, float(np.linalg.norm(moves - before)) / period)
+        before = moves
+    ranges = zip((motion.names[i] for i in axes), least, most, strict=True)
     return {
         "exceeded": [],
-        "top_speed_m_s": float(np.linalg.norm(velocities[:, axes], axis=1).max()),
-        "top_acceleration_m_s2": float(np.linalg.norm(bends, axis=1).max(initial=0.0)),
-        "ranges_m": {
-            motion.names[i]: [float(places[:, i].min()), float(places[:, i].max())] for i in axes
-        },
+        "top_speed_m_s": fastest,
+        "top_acceleration_m_s2": bend,
+        "ranges_m": {name: [float(low), float(high)] for name, low, high in ranges},
     }

@@ -15,6 +15,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots.urdf_import.inertia import KEYS, possible
 from hoap3.tools.environment.environment import Environment
 from hoap3.tools.testing.numerics import posture
 from hoap3.tools.testing.suite import Suite, Value, over
@@ -101,14 +102,12 @@ class RobotProperties(Suite):
 
     @over("case", every)
     def test_every_inertia_is_that_of_a_body(self, case: RobotCase) -> None:
-        """Positive definite, and no moment larger than the sum of the other two."""
-        for inertia in case.urdf.iter("inertia"):
-            xx, yy, zz, xy, xz, yz = (
-                float(inertia.get(key, 0)) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-            )
-            moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            assert moments[0] > 0.0
-            assert moments[2] <= moments[0] + moments[1]
+        """No principal moment negative, or larger than the sum of the other two."""
+        for inertial in case.urdf.iter("inertial"):
+            mass, inertia = inertial.find("mass"), inertial.find("inertia")
+            if mass is not None and inertia is not None:
+                moments = np.array([float(inertia.get(key, 0)) for key in KEYS])
+                assert possible(float(mass.get("value", 0)), moments), inertia.attrib
 
     @over("case", every)
     def test_wire_order_is_that_of_the_model_by_name(self, case: RobotCase) -> None:
@@ -123,12 +122,6 @@ class RobotProperties(Suite):
         for values in robot.postures.values():
             assert np.all(robot.lower <= values)
             assert np.all(values <= robot.upper)
-
-    @over("case", every)
-    def test_a_joint_may_stop_with_no_more_than_it_may_be_told(self, case: RobotCase) -> None:
-        robot = case.robot
-        assert np.all(robot.brake_acceleration <= robot.setpoint_acceleration_max)
-        assert np.all(robot.velocity > 0.0)
 
     @over("case", with_dynamics)
     def test_its_mass_matrix_is_positive_definite(self, case: RobotCase) -> None:
@@ -150,7 +143,7 @@ class RobotProperties(Suite):
 
     @over("case,kind", commands)
     def test_its_limits_hold_whatever_is_asked_of_it(self, case: RobotCase, kind: Any) -> None:
-        env, robot = Environment(case.name, command=kind), case.robot
+        env, robot = Environment({"robot": case.name}, command=kind), case.robot
         low, high = env.action_space.low, env.action_space.high
         middle = np.where(np.isfinite(low + high), (low + high) / 2, robot.initial_position)
         most = np.where(np.isfinite(high - low), high - low, 10.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hoap3.protocol.config.settings import RobotName, Settings
 from hoap3.protocol.messages import FloatArray
@@ -49,6 +49,16 @@ class LiveSettings(SteeredSettings):
     jerk_m_s3: Positive = Field(20.0, description="most along each axis [m/s³]")
     lower_m: Position | None = Field(None, description="least that is taken [m]; null: anything")
     upper_m: Position | None = Field(None, description="most that is taken [m]; null: anything")
+
+    @model_validator(mode="after")
+    def _takes_something(self) -> Self:
+        lower, upper = self._range
+        for i in np.flatnonzero(lower > upper)[:1]:
+            raise ValueError(
+                f"upper_m[{i}] should be no less than lower_m[{i}], {lower[i]:g}, and is "
+                f"{upper[i]:g}"
+            )
+        return self
 
     def build(self, folder: Path) -> Target:
         """The target of a position; files are sought in `folder`."""

@@ -17,6 +17,7 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 
 TIME = "t"
+LONGEST_S = 86_400.0  # of a motion: a day
 PARTS = ("position", "velocity", "acceleration")
 QUATERNION = ("qx", "qy", "qz", "qw")
 MAX_ROWS = 100_000
@@ -193,6 +194,10 @@ def _numbers(row: list[str], header: list[str], file: str, line: int) -> list[fl
 
 def _check_times(times: FloatArray, lines: NDArray[np.int64], file: str) -> None:
     where = "line {}, column " + TIME
+    if times[-1] > LONGEST_S:
+        problem = f"is later than {LONGEST_S:g} s after the begin"
+        remedy = "Count from the begin: of times of a clock subtract the first one"
+        raise ConfigError(file, where.format(lines[-1]), float(times[-1]), problem, remedy)
     if times[0] < 0.0:
         problem, remedy = "time is negative", "Begin at 0 or later"
         raise ConfigError(file, where.format(lines[0]), float(times[0]), problem, remedy)

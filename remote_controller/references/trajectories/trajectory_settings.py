@@ -29,6 +29,29 @@ Tolerance = Annotated[float, Field(gt=0)]
 EachTolerance = Tolerance | Annotated[dict[str, Tolerance], Field(min_length=1)]
 
 
+def check_motion(motion: Motion, file: str, degree: Degree, needed: Sequence[str]) -> None:
+    """Refuse a motion that has not all it needs, or does not end at rest.
+
+    Args:
+        motion: that was read.
+        file: where it stands, for errors.
+        degree: of its interpolation.
+        needed: columns that must be there.
+
+    Raises:
+        ConfigError: naming the line and the column.
+    """
+    for name in needed:
+        if name not in motion.names:
+            raise ConfigError(file, "line 1", name, "column is missing", f"Add {name}")
+    if degree == "linear" or motion.velocities is None:
+        return
+    for i in np.flatnonzero(np.nan_to_num(motion.velocities[-1]))[:1]:
+        name, speed = f"{motion.names[i]}/velocity", float(motion.velocities[-1, i])
+        remedy = "End with velocity 0: it stays at the last point"
+        raise motion.refuse(-1, name, speed, "does not end at rest", remedy)
+
+
 class TrajectorySettings(Settings):
     """A motion through the points of a CSV file at their times, or that of a log."""
 
@@ -119,16 +142,7 @@ class TrajectorySettings(Settings):
             remedy = "Write its motion into a CSV first: hoap3 trajectory from LOG --out FILE"
             raise ConfigError(label, "", None, "is a log, which is not read here", remedy)
         motion = read_motion(self.csv or read_text(path), label, known, turns=turns)
-        for name in needed:
-            if name not in motion.names:
-                raise ConfigError(label, "line 1", name, "column is missing", f"Add {name}")
-        degree = self.interpolation or degree_of(motion)
-        if degree != "linear" and motion.velocities is not None:
-            moving = np.flatnonzero(np.nan_to_num(motion.velocities[-1]))
-            for i in moving[:1]:
-                name, speed = f"{motion.names[i]}/velocity", float(motion.velocities[-1, i])
-                remedy = "End with velocity 0: it stays at the last point"
-                raise motion.refuse(-1, name, speed, "does not end at rest", remedy)
+        check_motion(motion, label, self.interpolation or degree_of(motion), needed)
         return motion
 
     def tolerances(

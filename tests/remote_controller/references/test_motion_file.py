@@ -26,6 +26,7 @@ GOOD = f"t,{ELBOW}\n0,1.6\n1,1.5\n2,1.4\n"
 BAD = {
     "falling": (GOOD.replace("2,1.4", "0.5,1.4"), "line 4, column t", 0.5),
     "equal": (GOOD.replace("2,1.4", "1.0,1.4"), "line 4, column t", 1.0),
+    "clock": (GOOD.replace("2,1.4", "1.7e9,1.4"), "line 4, column t", 1.7e9),
     "negative": (GOOD.replace("0,1.6", "-1,1.6"), "line 2, column t", -1.0),
     "nan": (GOOD.replace("1.5", "nan"), f"line 3, column {ELBOW}", "nan"),
     "inf": (GOOD.replace("1.5", "inf"), f"line 3, column {ELBOW}", "inf"),

@@ -241,6 +241,8 @@ def declare(folder: Path, monkeypatch, target: str) -> None:
         "FOLDER = Path(__file__).parent\n"
         "FILE = str(FOLDER / 'robot.yaml')\n"
         "NUMBER = 3\n"
+        "def forgotten(): return {}['mass']\n"
+        "def gone(): raise FileNotFoundError('no robot.yaml there')\n"
     )
     monkeypatch.syspath_prepend(str(folder))
     monkeypatch.delitem(sys.modules, "arms_of_a_test", raising=False)
@@ -260,6 +262,8 @@ def test_robot_of_another_distribution(tmp_path, monkeypatch, attribute):
         ("arms_of_a_test:NOTHING", "cannot be loaded"),
         ("no_such_module_of_a_test:ROBOT", "cannot be loaded"),
         ("arms_of_a_test:NUMBER", "is not a robot"),
+        ("arms_of_a_test:forgotten", "KeyError: 'mass'"),
+        ("arms_of_a_test:gone", "no robot.yaml there"),
     ],
 )
 def test_broken_entry_point_is_named(tmp_path, monkeypatch, target, words):

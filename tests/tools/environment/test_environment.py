@@ -201,12 +201,24 @@ def test_a_start_that_cannot_be_is_refused_and_the_episode_goes_on(arguments, ke
         ({"periods_per_step": 2.0}, "periods_per_step"),
         ({"robot": {"robot": "hoap3", "postur": "q0"}}, "postur"),
         ({"robot": "hoap3", "command": "torque"}, "command"),
+        ({"robot": hoap3.load_robot("hoap3")}, "robot"),
+        ({"robot": None}, "robot"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(arguments, key):
     with pytest.raises(ConfigError) as found:
         Environment(**arguments)
     assert found.value.key == key
+
+
+def test_a_robots_config_is_a_path_or_text(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("robot: ur5\n")
+    for named in (file, str(file)):
+        assert Environment(named).description.name == "ur5"
+    law = tmp_path / "law.yaml"
+    law.write_text("controller: pinv\nrobot: ur5\n")
+    assert len(hoap3.simulate(file, law, duration=0.01).setpoints) == 10
 
 
 def test_several_in_one_process_do_not_know_of_each_other():

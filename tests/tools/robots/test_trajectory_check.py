@@ -14,6 +14,7 @@ from hoap3.remote_controller.references.trajectories.motion_file import Motion
 from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.robots.polynomial_peaks import peaks, value
+from hoap3.tools.robots.trajectory_check import look
 from hoap3.tools.robots.trajectory_limits import limits_exceeded
 
 UR5 = load("ur5")
@@ -129,3 +130,27 @@ def test_points_in_space_are_told_with_their_speed(tmp_path: Path):
     told = inside("trajectory", "check", path, "--robot", "ur5", "--json").json()
     assert told["top_speed_m_s"] == pytest.approx(0.5)
     assert told["ranges_m"]["y"] == pytest.approx([0.0, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("t,x,y,z\n0,0.3,0,0.4\n1700000000,0.3,0.1,0.4\n", "1700000000"),
+        ("t,x,y\n0,0.3,0\n1,0.3,0.1\n", "Add z"),
+        (f"t,{NAMES[0]},{NAMES[0]}/velocity\n0,0,0\n1,0.1,0.01\n", "rest"),
+    ],
+)
+def test_what_a_run_refuses_the_check_does(text, word, tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_text(text)
+    done = inside("trajectory", "check", file, "--robot", "ur5")
+    assert done.code == 2
+    assert word in done.stderr
+
+
+def test_of_a_motion_in_space_the_extremes_are_told(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_text("t,x,y,z\n0,0.3,0,0.4\n1,0.3,0.1,0.4\n1.5,0.3,-0.1,0.5\n")
+    told = look(str(file), "ur5", "linear", 1.0, 0.0)
+    assert told["ranges_m"] == {"x": [0.3, 0.3], "y": [-0.1, 0.1], "z": [0.4, 0.5]}
+    assert told["top_speed_m_s"] == pytest.approx(np.hypot(0.4, 0.2))
