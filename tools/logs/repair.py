@@ -14,6 +14,7 @@ from mcap.records import Attachment, Metadata
 
 from hoap3.protocol import __version__
 from hoap3.protocol.errors import LogError, UsageError
+from hoap3.tools.logs.file_lock import is_locked
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.log_format import CHANNELS, TOPICS, pack_gap
 from hoap3.tools.logs.log_writer import topics
@@ -87,7 +88,7 @@ def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     reports, wrong = [], []
     for file in files:
         try:
-            reports.append(_repaired_before(file) or repair(file))
+            reports.append(_left_alone(file) or _repaired_before(file) or repair(file))
         except UsageError as error:
             wrong.append(str(error))
     return reports, wrong
@@ -101,19 +102,17 @@ def repair(path: Path) -> RepairReport:
 
     Raises:
         LogError: not a log of ours, or nothing of it can be read.
-        UsageError: the result exists already, or cannot be written.
+        UsageError: the result exists already, or cannot be written, or the log is being written.
     """
     if path.is_dir():
         raise LogError(f"{path}: is a folder. Name the file to mend")
-    log = Log.open(path)  # refuses what is not ours
-    scan = McapScan.of(path)
+    whole = _left_alone(path)
+    if whole is not None:
+        return whole
+    if is_locked(path):
+        raise UsageError(f"{path}: is being written. Repair it once that has ended")
+    log, scan = Log.open(path), McapScan.of(path)
     messages, last = 0, None
-    if scan.whole and not scan.damages:
-        for message in scan.messages():
-            messages, last = messages + 1, max(last or 0, message[2])
-        return RepairReport(
-            path, path, whole=True, messages=messages, last_stamp=last, dropped_bytes=0
-        )
     target = path.with_suffix(REPAIRED)
     file = McapFile(target, scan.profile, f"hoap3 {__version__}")
     dropped = scan.size - scan.end
@@ -137,7 +136,26 @@ def repair(path: Path) -> RepairReport:
         raise UsageError(
             f"{target}: cannot be written ({error.strerror}). Choose a place with more room"
         ) from error
+    except BaseException:  # a half of it would stand in the way of the next try
+        target.unlink(missing_ok=True)
+        raise
     return RepairReport(path, target, False, messages, last, dropped, log.damages)
+
+
+def _left_alone(path: Path) -> RepairReport | None:
+    """What there is to say of a log that is whole; None of any other.
+
+    Raises:
+        LogError: not a log of ours.
+    """
+    Log.open(path)
+    scan = McapScan.of(path)
+    if not scan.whole or scan.damages:
+        return None
+    messages, last = 0, None
+    for message in scan.messages():
+        messages, last = messages + 1, max(last or 0, message[2])
+    return RepairReport(path, path, whole=True, messages=messages, last_stamp=last, dropped_bytes=0)
 
 
 def _repaired_before(path: Path) -> RepairReport | None:

@@ -52,14 +52,23 @@ class Backlog:
                 self._gap += 1
                 return
             if self._gap:
-                gap = b'{"dropped": %d}' % self._gap
-                self._records.append(Record(Kind.GAP, record.stamp, gap))
-                self._gap = 0
+                self._records.append(self._gap_at(record.stamp))
             self._records.append(record)
 
     def take(self) -> Record:
         """The oldest record, which is removed."""
         return self._records.popleft()
+
+    def end(self, stamp: int) -> None:
+        """Nothing more is heard: what was dropped last is a gap, too."""
+        with self._lock:
+            if self._gap:
+                self._records.append(self._gap_at(stamp))
+
+    def _gap_at(self, stamp: int) -> Record:
+        gap = Record(Kind.GAP, stamp, b'{"dropped": %d}' % self._gap)
+        self._gap = 0
+        return gap
 
 
 def record_robot(
@@ -136,21 +145,27 @@ def record_robot(
         ]
         report(f"recording robot {robot!r} into {folder}")
         end = None if duration is None else time.monotonic() + duration
+
+        def write_what_was_heard() -> None:
+            for _ in range(len(heard)):  # not what comes meanwhile: stop() is asked first
+                record = heard.take()
+                counts[record.kind] += 1
+                writer.add(record)
+
         try:
             try:
                 while not stop() and (end is None or time.monotonic() < end):
-                    for _ in range(len(heard)):  # not what comes meanwhile: stop() is asked first
-                        record = heard.take()
-                        counts[record.kind] += 1
-                        writer.add(record)
+                    write_what_was_heard()
                     writer.flush_due(time.monotonic_ns())
                     time.sleep(POLL_S)
+                for subscriber in subscribers:
+                    subscriber.undeclare()
+                heard.end(time.monotonic_ns())
+                write_what_was_heard()
             except (OSError, UsageError):
                 writer.abandon()
                 raise
             finally:
-                for subscriber in subscribers:
-                    subscriber.undeclare()
                 writer.close()
         except (OSError, UsageError) as error:
             why = (isinstance(error, OSError) and error.strerror) or str(error)

@@ -16,7 +16,9 @@ from support.log_samples import MS, START, describe, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.tools.logs.file_lock import lock_shared
 from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.mcap_write import McapFile
 from hoap3.tools.logs.repair import repair, repair_all
 
 
@@ -187,3 +189,36 @@ def test_what_no_repair_has_finished_is_not_taken_for_its_result(
     reports, (wrong,) = repair_all(tmp_path)
     assert reports == []
     assert "exists already" in wrong
+
+
+def test_a_repair_that_is_interrupted_stands_in_nobodys_way(
+    tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[: len(sample.content) // 2])
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(McapFile, "message", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        repair(path)
+    assert list(tmp_path.iterdir()) == [path]
+    monkeypatch.undo()
+    assert repair(path).messages > 0
+
+
+def test_a_log_that_is_being_written_is_repaired_later(tmp_path: Path, sample: Sample) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[: len(sample.content) // 2])
+    with path.open("rb") as writer:
+        lock_shared(writer.fileno())
+        reports, (wrong,) = repair_all(tmp_path)
+        assert reports == []
+        assert str(path) in wrong
+    (report,), wrong = repair_all(tmp_path)
+    assert not wrong
+    path.write_bytes(sample.content)  # it went on, and is whole now
+    (after,), _ = repair_all(tmp_path)
+    assert after.whole
+    assert after.messages > report.messages
