@@ -395,27 +395,31 @@ def _observed(
     """Observer and log folder of a service, and its config with the CPU that `auto` gets.
 
     Afterwards the observer has ended, and the CPU is free again. What is refused before anything
-    has happened leaves no log.
+    has happened leaves no log, and no folder: a service may be started again every few seconds.
     """
     notify = notify_settings(voice.status_fd)
     voice.write_lines(config.log, side, robot)
     made, folder = is_new(out), run_folder(config.log, out, (side,), voice.say)
     claim = None
-    if not lockstep:
-        realtime, claim = settled_alone(config.realtime, side, voice.say)
-        config = config.model_copy(update={"realtime": realtime})
     try:
-        observer = observer_for(
-            side,
-            robot,
-            config,
-            folder,
-            period_ns=period_ns,
-            lockstep=lockstep,
-            status_fd=voice.status_fd,
-            report=voice.lost,
-            notify=notify,
-        )
+        try:
+            if not lockstep:
+                realtime, claim = settled_alone(config.realtime, side, voice.say)
+                config = config.model_copy(update={"realtime": realtime})
+            observer = observer_for(
+                side,
+                robot,
+                config,
+                folder,
+                period_ns=period_ns,
+                lockstep=lockstep,
+                status_fd=voice.status_fd,
+                report=voice.lost,
+                notify=notify,
+            )
+        except (Hoap3Error, OSError):
+            forget((), folder, made=made)
+            raise
         refused = False
         try:
             yield observer, folder, config

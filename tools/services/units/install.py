@@ -9,6 +9,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from hoap3.protocol.config.settings import LogSettings
 from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.protocol.secure.credentials import KEY_FILE
 from hoap3.protocol.secure.profile import profile
@@ -77,8 +78,13 @@ def install(
     if secure is not None:
         overrides = [*overrides, f"link.secure={json.dumps(str(Path(secure).absolute()))}"]
     settings, file = _settings(side, config, overrides)
-    certificate = _checked_certificate(settings, file, user=user, of_user=of_user)
-    lines = _checked_lines(settings.log.json_lines, file, user=user, of_user=of_user)
+    robot = describe(settings, file).name if isinstance(settings, EmulatorConfig) else None
+    certificate = _checked_certificate(settings, robot, file, user=user, of_user=of_user)
+    writes = [
+        folder
+        for key, place in _places(settings.log).items()
+        if (folder := _checked_place(key, place, file, user=user, of_user=of_user)) is not None
+    ]
     watchdog_s = WATCHDOG_S[side] if watchdog_s is None else watchdog_s
     least = LEAST_WATCHDOG_S[side]
     if not least <= watchdog_s <= LONGEST_WATCHDOG_S:
@@ -95,7 +101,6 @@ def install(
     words = [str(program), side, _absolute(config)]
     for override in overrides:
         words += ["--set", override]
-    robot = settings.name or settings.robot if isinstance(settings, EmulatorConfig) else None
     unit = Unit(
         name=name,
         description=f"Robot emulator {robot}" if robot else f"Remote controller {config}",
@@ -107,7 +112,7 @@ def install(
             *(program, Path(sys.executable).resolve(), Path(sys.prefix), Path(file).resolve()),
             *([certificate] if certificate else []),
         ),
-        writes=(lines,) if lines else (),
+        writes=tuple(dict.fromkeys(writes)),
     )
     path = (out or _folder(of_user=of_user)) / f"{name}.service"
     _write(path, unit.text)
@@ -126,9 +131,20 @@ def _settings(
 
 
 def _checked_certificate(
-    settings: EmulatorConfig | ControllerConfig, file: str, *, user: str | None, of_user: bool
+    settings: EmulatorConfig | ControllerConfig,
+    robot: str | None,
+    file: str,
+    *,
+    user: str | None,
+    of_user: bool,
 ) -> Path | None:
     """The folder of the service's certificate, which it can use; None without one.
+
+    Args:
+        settings: of the service.
+        robot: name of the robot that it is; None for a controller.
+        file: where the settings stand.
+        user, of_user: as for `install`.
 
     Raises:
         ConfigError: it cannot, or the folder could not be found or read by the service.
@@ -140,11 +156,9 @@ def _checked_certificate(
     if not folder.is_absolute():
         remedy = "Give --secure DIR, or the whole path"
         raise ConfigError(file, "link.secure", link.secure, "is found from here alone", remedy)
-    is_robot = isinstance(settings, EmulatorConfig)
-    robot = describe(settings, file).name if isinstance(settings, EmulatorConfig) else ""
-    places = (link.listen, ()) if is_robot else ((), link.connect)
-    role = profile(link.secure, robot, *places).credentials.role
-    if not is_robot and role != "controller":
+    places = ((), link.connect) if robot is None else (link.listen, ())
+    role = profile(link.secure, robot or "", *places).credentials.role
+    if robot is None and role != "controller":
         remedy = "Issue one: `hoap3 certs issue NAME --role controller`"
         raise ConfigError("--secure", "", str(folder), f"is of role {role}", remedy)
     if user is None and not of_user:
@@ -153,22 +167,33 @@ def _checked_certificate(
     return folder
 
 
-def _checked_lines(place: str | None, file: str, *, user: str | None, of_user: bool) -> Path | None:
-    """The folder of the service's JSON lines where that is none of its own; else None.
+def _places(log: LogSettings) -> dict[str, Path]:
+    """Folders that a service writes to, by the key that names them."""
+    found = {}
+    if log.record:
+        found["log.directory"] = Path(log.directory)
+    if log.json_lines is not None:
+        found["log.json_lines"] = Path(log.json_lines).parent
+    return found
+
+
+def _checked_place(
+    key: str, folder: Path, file: str, *, user: str | None, of_user: bool
+) -> Path | None:
+    """A folder that a service writes to where that is none of its own; else None.
 
     Raises:
         ConfigError: the folder is not there, or the service could not write there.
     """
-    if place is None or of_user or not Path(place).is_absolute():
+    if of_user or not folder.is_absolute():
         return None
-    folder, key = Path(place).parent, "log.json_lines"
     if not folder.is_dir():
         remedy = "Make it, and give it to the service's user"
-        raise ConfigError(file, key, place, f"there is no folder {folder}", remedy)
+        raise ConfigError(file, key, str(folder), "is no folder that there is", remedy)
     if user is None:
-        problem = f"a user that systemd makes cannot write to {folder}"
-        remedy = "Name who can: --as USER; or write a name without /, for a file beside the logs"
-        raise ConfigError(file, key, place, problem, remedy)
+        problem = "cannot be written by a user that systemd makes"
+        remedy = "Name who can: --as USER; or a place that does not begin with /: /var/lib has it"
+        raise ConfigError(file, key, str(folder), problem, remedy)
     return folder
 
 

@@ -87,6 +87,11 @@ def test_json_lines_outside_the_services_folders_are_for_a_user_with_a_name(tmp_
         install("emulator", "hoap3", [place], out=tmp_path)
     unit = read(install("emulator", "hoap3", [place], out=tmp_path, user="robots").path)
     assert unit["Service"]["ReadWritePaths"] == [str(lines)]
+    logs = ["log.record=false", f"log.directory={tmp_path}/none"]  # it writes none
+    assert install("emulator", "hoap3", logs, out=tmp_path, user="robots")
+    both = [place, f"log.directory={lines}"]
+    unit = read(install("emulator", "hoap3", both, out=tmp_path, user="robots").path)
+    assert unit["Service"]["ReadWritePaths"] == [str(lines)]
     for own in ("robot.jsonl", "stdout"):
         unit = read(install("emulator", "hoap3", [f"log.json_lines={own}"], out=tmp_path).path)
         assert "ReadWritePaths" not in unit["Service"]
@@ -111,6 +116,8 @@ def test_our_own_unit_is_replaced_and_no_other(tmp_path: Path) -> None:
     ("words", "what"),
     [
         (("emulator", "hoap"), "hoap"),
+        (("emulator", "hoap3", "--set", "robot=nosuch"), "nosuch"),
+        (("emulator", "hoap3", "--set", "log.directory=/nowhere/logs"), "log.directory"),
         (("emulator", "hoap3", "--set", "misses_to_stop=0"), "misses_to_stop"),
         (("controller", "qp12", "--set", "parameters.u_max=1"), "u_max"),
         (("emulator", "hoap3", "--name", "a/b"), "a/b"),
