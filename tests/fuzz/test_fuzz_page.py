@@ -85,7 +85,7 @@ def operator() -> Operator:
         robot="ur5",
         endpoint="",
         look_again=lambda: None,
-        take_now=lambda told: None,
+        changed=lambda over_s: None,
         changeable=list,
     )
     return Operator(source, lambda event: None, lambda *_: Robot())  # type: ignore[arg-type, return-value]

@@ -144,7 +144,7 @@ class IndexedLog:
         scan, place, _ = self._places[chunk]
         try:
             messages = scan.chunk(place)
-        except LogError:
+        except (LogError, OSError):  # also a file that went, as of a log that rotates
             return []
         found = []
         for channel, _, stamp, _, payload in messages:

@@ -112,7 +112,7 @@ def test_limits_are_judged_by_stops_and_margins(state):
     setpoint.margin = -5e-6
     verdicts.look(state, setpoint)
     assert verdicts.as_json(None)["limits_and_balance"] == "bad"
-    again = LiveVerdicts(ROBOT)
+    again = LiveVerdicts(ROBOT, 10**400)  # as JSON has it
     state.q[0] = ROBOT.upper_hard[0] + 1e-3
     again.look(state, None)
     assert again.as_json(None)["limits_and_balance"] == "bad"
@@ -141,6 +141,7 @@ def test_sliders_have_the_bounds_that_the_controller_tells():
     assert [each["key"] for each in sliders(words, [])] == ["few", "none"]
     assert sliders(None, None) == sliders("x", 3) == []
     assert sliders(now, None)[0]["lower"] is None
+    assert sliders(now, [{"key": []}, {"key": None}, 3, *numbers]) == [gamma, kp]
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])

@@ -15,7 +15,7 @@ from support.small_arm import arm
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link import zenoh_session
-from hoap3.protocol.messages import WIRE_VERSION, State
+from hoap3.protocol.messages import WIRE_VERSION, Event, State
 from hoap3.tools.view.sources import live
 from hoap3.tools.view.sources.live import Live
 
@@ -29,7 +29,7 @@ class Network:
 
     def __init__(self) -> None:
         self.description: RobotDescription = ROBOT
-        self.session_id, self.extra = 7, "first"
+        self.session_id, self.extra, self.gamma = 7, "first", 0.5
         self.silent: dict[str, int] = {}  # verbs, and how often they are not answered
         self.asked: list[str] = []
         self.opened = 0
@@ -49,8 +49,8 @@ class Network:
             return json.dumps({**STATUS, "holder": "law", "session_id": self.session_id}).encode()
         if verb == "config":
             return b"{}"
-        now = {"extra": [self.extra]} if verb == "about" else {}
-        return json.dumps({"error": None, "now": now}).encode()
+        now = {"about": {"extra": [self.extra]}, "show": {"gamma": self.gamma}}
+        return json.dumps({"error": None, "now": now.get(verb, {})}).encode()
 
     def ask_first(self, *given: Any) -> tuple[int, bytes | None]:
         """As `ask`, and the version of the answer."""
@@ -165,3 +165,63 @@ def test_a_stop_goes_through_the_session_that_is_open(network: Network, source: 
     network.silent["stop"] = 1
     with pytest.raises(LinkError):
         source.stop()
+
+
+def test_who_came_between_the_start_and_the_first_look_is_met(
+    network: Network, source: Live
+) -> None:
+    network.extra, network.session_id = "second", 8
+    source.watched = True
+    until(lambda: source.version > 1)
+    plots = {plot["key"]: plot["label"] for plot in source.hello()["plots"]}
+    assert plots["extra.0"] == "second"
+
+
+@pytest.mark.parametrize("ours", [False, True])
+def test_numbers_are_asked_for_again_after_a_change_and_now_and_then(
+    ours: bool, network: Network, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "SHOW_S", 3600.0 if ours else 0.01)
+    source = Live(ROBOT.name, "tcp/127.0.0.1:7447")
+    try:
+        source.watched = True
+        assert [each["value"] for each in source.changeable()] == [0.5]
+        until(lambda: network.asked.count("status") > 3)
+        network.gamma = 0.9
+        if ours:
+            source.changed(0.01)
+        until(lambda: [each["value"] for each in source.changeable()] == [0.9])
+        assert source.hello()["changeable"][0]["value"] == 0.9
+    finally:
+        source.close()
+
+
+def test_nonsense_of_a_controller_is_told_and_asked_again(
+    network: Network, source: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries: list[None] = []
+
+    def meet() -> Any:
+        tries.append(None)
+        raise TypeError("nobody thought of it")
+
+    monkeypatch.setattr(source, "_meet", meet)
+    source.watched, network.session_id = True, 8
+    until(lambda: len(tries) > 2)
+    (label,) = labels(source)
+    assert "nobody thought of it" in label
+
+
+def test_skipped_periods_are_told_when_they_were(
+    network: Network, source: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "SKIPS_S", 3600.0)
+    source._told_s = time.monotonic()
+    event = Event()
+    event.kind, event.tick, event.detail = Event.schema.constants["SKIPPED"], 4000, 3
+    source._heard.append(event.dump())
+    assert source.events() == []
+    source._told_s = -math.inf
+    (told,) = source.events()
+    assert told["at_s"] == 4000 * ROBOT.period_s
+    assert "3" in told["label"]

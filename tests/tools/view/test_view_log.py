@@ -162,10 +162,47 @@ def test_a_clock_moves_on_at_its_speed():
     clock.run(-2.0)
     now[0] += 1.0
     assert clock.at_s == 2.0
+    assert clock.runs()
     now[0] += 100.0
     assert clock.at_s == -1.0
     clock.run(0.0)
     assert clock.at_s == -1.0
+    assert not clock.runs()
+
+
+@pytest.mark.parametrize(("speed", "first", "last"), [(2.0, -1.0, 10.0), (-1.0, 10.0, -1.0)])
+def test_a_clock_stays_at_the_end_that_it_moved_to_and_begins_once_more(speed, first, last):
+    now = [100.0]
+    clock = PlayClock(lambda: now[0])
+    clock.ends = (-1.0, 10.0)
+    clock.go(3.0)
+    clock.run(speed)
+    now[0] += 1000.0
+    assert not clock.runs()
+    assert clock.at_s == last
+    clock.go(3.0)
+    now[0] += 1.0
+    assert clock.at_s == 3.0
+    clock.go(last)
+    clock.run(speed)
+    assert clock.runs()
+    assert clock.at_s == first
+
+
+def test_a_page_is_told_whether_its_log_plays(source):
+    player = source.player()
+    now = [0.0]
+    player._clock = PlayClock(lambda: now[0])
+    player._clock.ends = (0.0, 3.96)
+    player.play(1.0)
+    for at_s, playing in ((1.0, True), (3.0, True), (100.0, False)):
+        now[0] = at_s
+        assert player.frame()["playing"] is playing
+    now[0] += 1.0
+    assert player.frame() is None
+    player.play(1.0)
+    now[0] += 0.5
+    assert player.frame()["playing"]
 
 
 def test_worst_ticks_misses_and_events_are_found(source):
@@ -373,3 +410,28 @@ def test_a_moment_of_a_log_that_is_no_number_is_not_shown_and_all_others_are(tmp
     finally:
         shown.close()
     assert ticks == {99: 99, 100: None, 101: None, 102: 102}
+
+
+def test_a_file_that_goes_while_it_is_read_ends_nothing(tmp_path):
+    """As the oldest of a log that rotates does."""
+    path = tmp_path / "robot.mcap"
+    write(path, run(1500), attachments={"description.json": ROBOT.to_json()})
+    log = IndexedLog(path)
+    path.unlink()
+    overview = Overview(log, log.begin)
+    overview.start()
+    assert overview.join(60.0)
+    assert log.state_at(log.end) is None
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_of_a_log_that_asks_for_no_answer_it_is_said_where_seconds_begin(asked, tmp_path):
+    path = tmp_path / "robot.mcap"
+    ticks = run(ACTIVE + asked)
+    write(path, ticks, attachments={"description.json": ROBOT.to_json()})
+    source = LogSource([path])
+    try:
+        assert source.first.zero == (BEGIN + ACTIVE * MS if asked else source.first.log.begin)
+        assert bool(source.hello()["notes"]) == (not asked)
+    finally:
+        source.close()

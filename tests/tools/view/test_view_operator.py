@@ -112,7 +112,7 @@ class Stage:
             robot="ur5",
             endpoint="",
             look_again=lambda: None,
-            take_now=lambda _: None,
+            changed=lambda _: None,
             changeable=list,
         )
         self.opened = 0

@@ -18,7 +18,7 @@ def sliders(now: object, numbers: object) -> list[dict[str, Any]]:
         numbers: what the controller says of each, as `control/about` has it.
     """
     told = (
-        {each.get("key"): each for each in numbers if isinstance(each, Mapping)}
+        {str(each.get("key")): each for each in numbers if isinstance(each, Mapping)}
         if isinstance(numbers, list)
         else {}
     )

@@ -28,8 +28,7 @@ class LiveVerdicts:
 
     def __init__(self, description: RobotDescription, margin_tolerance: object = None) -> None:
         self._stops = description.lower_hard - ROUNDING, description.upper_hard + ROUNDING
-        given = margin_tolerance
-        self._tolerance = float(given) if isinstance(given, int | float) else ROUNDING
+        self._tolerance = margin_tolerance if isinstance(margin_tolerance, float) else ROUNDING
         self._first: tuple[int, int, int] | None = None
         self._session = -1
         self._deadlines: str | None = None

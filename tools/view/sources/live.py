@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from hoap3.protocol.errors import Hoap3Error, WireError
+from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
 from hoap3.robot_emulator.robots import available
 from hoap3.tools.services.client import check_name, client_settings
@@ -28,6 +28,8 @@ from hoap3.tools.view.picture.verdicts import LiveVerdicts
 from hoap3.tools.view.sources.questions import Answer, Questions
 
 ASK_S = 1.0  # between two questions of how they are
+SHOW_S = 10.0  # between two questions of what can be changed: others may have changed it
+OVER_S = 0.5  # that a change takes, where nobody says
 SKIPS_S = 1.0  # between two words of skipped periods, which on a busy machine are many
 OLD_S = 1.0  # without a State for those who look on, after which every State is asked for
 KEPT = 8  # States and Setpoints, of which the newest that fit each other are shown
@@ -69,11 +71,13 @@ class Met:
     Attributes:
         frames, verdicts: made for these.
         about: what the controller tells of itself; empty where it does not.
+        who: holder and session before that was learnt; None where the robot did not tell.
     """
 
     frames: Frames
     verdicts: LiveVerdicts
     about: Answer
+    who: tuple[Any, Any] | None
 
 
 class Live:
@@ -106,7 +110,8 @@ class Live:
         self._states, self._answers = Kept(maxlen=KEPT), Kept(maxlen=KEPT)
         self._heard: deque[bytes] = deque(maxlen=EVENTS)
         self._every: Any = None
-        self._skipped, self._told_s = 0, 0.0
+        self._skipped, self._skipped_at_s, self._told_s = 0, 0.0, 0.0
+        self._show_s = time.monotonic() + SHOW_S  # when to ask again what can be changed
         self._last = (-1, -1)  # session and tick of the newest frame
         self._status: Answer = {}
         self._tasks: Answer = {}
@@ -159,9 +164,9 @@ class Live:
         """What of the controller can be changed, as it is now."""
         return sliders(self._now, self._met.about.get("numbers"))
 
-    def take_now(self, now: Answer) -> None:
-        """Take what the controller has answered to a change."""
-        self._now = now
+    def changed(self, over_s: object) -> None:
+        """A change of ours was taken, which takes so long [s]: after it numbers are asked for."""
+        self._show_s = time.monotonic() + (over_s if isinstance(over_s, int | float) else OVER_S)
 
     def player(self) -> None:
         """None: what runs has no other time than now."""
@@ -227,7 +232,7 @@ class Live:
 
     def events(self) -> list[dict[str, Any]]:
         """What happened since the last call."""
-        found, event = [], Event()
+        found, event = list[dict[str, Any]](), Event()
         while self._notes:
             label = self._notes.popleft()
             found.append({"kind": "event", "at_s": None, "label": label, "severity": "warning"})
@@ -238,12 +243,20 @@ class Live:
                     self._met.verdicts.note_stop(event.detail)
                 if event.kind == _CONSTANTS["SKIPPED"]:
                     self._skipped += event.detail
+                    self._skipped_at_s = told(event, self._met.frames)["at_s"]
                     continue
                 found.append(told(event, self._met.frames))
         now = time.monotonic()
         if self._skipped and now > self._told_s + SKIPS_S:
             self._told_s, label = now, f"skipped: periods: {self._skipped}"
-            found.append({**told(event, self._met.frames), "label": label, "severity": "warning"})
+            found.append(
+                {
+                    "kind": "event",
+                    "at_s": self._skipped_at_s,
+                    "label": label,
+                    "severity": "warning",
+                }
+            )
             self._skipped = 0
         return found
 
@@ -253,12 +266,14 @@ class Live:
         Raises:
             LinkError, WireError: the robot does not answer, or with nonsense.
         """
+        status = self._ask.status()  # first: who comes meanwhile is met again
         description = self._ask.description()
         emulator, about = self._ask.config(), self._ask.control("about") or {}
         now = self._ask.control("show")
         looks = looks_of(description, self._folder or _known(emulator))
         frames = Frames(description, looks, about, emulator)
-        return Met(frames, LiveVerdicts(description, about.get("margin_tolerance")), about), now
+        verdicts = LiveVerdicts(description, about.get("margin_tolerance"))
+        return Met(frames, verdicts, about, None if status is None else _who(status)), now
 
     def _declare(self) -> list[Any]:
         sampled, declare = self._network.sampled_key, self._session.declare_subscriber
@@ -302,7 +317,6 @@ class Live:
 
     def _ask_again(self) -> None:
         """In a thread of its own: how the robot and its controller are."""
-        known: tuple[Any, ...] | None = None  # who was met, as far as that has succeeded
         while not self._closing.is_set():
             self._wanted.wait(ASK_S)
             self._wanted.clear()
@@ -313,29 +327,35 @@ class Live:
             if status is None:
                 continue
             self._tasks = self._ask.control("tasks") or {}
-            this = status["holder"], status["session_id"]
             untold = status["holder"] is not None and not self._met.about
-            known = known or this
-            if (this != known or (untold and self._ask.control("about"))) and self._meet_again():
-                known = this
+            if _who(status) != self._met.who or (untold and self._ask.control("about")):
+                self._meet_again()
+            elif time.monotonic() > self._show_s:
+                self._show_s = time.monotonic() + SHOW_S
+                self._now = self._ask.control("show") or self._now
 
-    def _meet_again(self) -> bool:
-        """Learn anew what the robot and its controller are; whether that could be learnt."""
+    def _meet_again(self) -> None:
+        """Learn anew what the robot and its controller are, if they tell."""
         try:
             met = self._meet()
-        except Hoap3Error as error:
+        except Exception as error:  # noqa: BLE001 - whatever a controller says, pages go on
             self._note(f"what the robot is now could not be learnt, and is asked again: {error}")
-            return False
+            return
         self._met, self._now = met
+        self._show_s = time.monotonic() + SHOW_S
         self._noted.clear()
         self.version += 1
-        return True
 
     def _note(self, label: str) -> None:
         """Tell pages something, once, until the robot is met anew."""
         if label not in self._noted and len(self._noted) < EVENTS:
             self._noted.add(label)
             self._notes.append(label)
+
+
+def _who(status: Answer) -> tuple[Any, Any]:
+    """Whose picture it is: the holder, and the session of the robot."""
+    return status["holder"], status["session_id"]
 
 
 def told(event: Event, frames: Frames) -> dict[str, Any]:

@@ -22,7 +22,8 @@ from hoap3.tools.view.picture.geometry import looks_of
 from hoap3.tools.view.sources.log_overview import Overview
 from hoap3.tools.view.sources.play_clock import PlayClock
 
-HEAD = 64  # chunks of a log's begin in which the first active State is looked for
+HEAD = 600  # chunks of a log's begin, half a second each, in which an active State is looked for
+UNASKED = "no State near the begin of this log asks for an answer: seconds count from its begin"
 TAIL = 4  # of its end, in which a summary is
 
 
@@ -35,7 +36,8 @@ class ShownLog:
 
     Attributes:
         log: that is shown: the robot's, or else the controller's.
-        zero: log time of the first active State [ns], from which seconds count.
+        zero: log time of the first active State [ns], from which seconds count; of the first
+            message where none is near it, which `notes` say.
         frames: make its frames.
         verdicts: of the whole run.
 
@@ -51,7 +53,9 @@ class ShownLog:
         description = self.log.description
         named = folder or _known(emulator)
         self.frames = Frames(description, looks_of(description, named), about, emulator)
-        self.zero, self._skipped = self._begin()
+        first = self._first_active()
+        self.zero, self._skipped = first or (self.log.begin, 0)
+        self.notes = () if first else (UNASKED,)
         self.verdicts = self._judge(law)
 
     def frame(self, at_s: float) -> dict[str, Any] | None:
@@ -68,15 +72,15 @@ class ShownLog:
         at_s = round((found.stamp - self.zero) / 1e9, 6)
         return {**shown, "at_s": at_s, "verdicts": self.verdicts}
 
-    def _begin(self) -> tuple[int, int]:
-        """Log time of the first active State, else of the first, and ticks skipped before."""
+    def _first_active(self) -> tuple[int, int] | None:
+        """Log time of the first active State near the begin, and ticks skipped before."""
         for chunk in range(min(HEAD, self.log.chunks)):
             for record in self.log.records(chunk, keep=False):
                 if record.kind == Kind.STATE:
                     mode, skipped = State.scalars(record.payload, "mode", "skipped")
                     if mode == State.ACTIVE:
                         return record.stamp, skipped
-        return self.log.begin, 0
+        return None
 
     def _judge(self, law: IndexedLog | None) -> dict[str, str | None]:
         """The verdicts on the run, as far as its ends tell; see `hoap3.tools.show.verdicts`."""
@@ -143,9 +147,11 @@ class LogSource:
 
     def hello(self) -> dict[str, Any]:
         """What a page must know before the first frame."""
+        fixed = self.first.frames.hello()
         return {
             "live": False,
-            **self.first.frames.hello(),
+            **fixed,
+            "notes": [*fixed["notes"], *self.first.notes],
             "changeable": [],
             "log": self.overview.as_json(),
             "second": self.second is not None,
@@ -195,13 +201,15 @@ class LogPlayer:
 
     def frame(self) -> dict[str, Any] | None:
         """The frame of the time where it is; None where that is shown already."""
-        at_s = self._clock.at_s
+        playing, at_s = self._clock.runs(), self._clock.at_s
         if at_s == self._shown:
             return None
         self._shown = at_s
         found = self._source.first.frame(at_s)
-        second = self._source.second
-        if found is None or second is None:
+        if found is None:
+            return None
+        found, second = {**found, "playing": playing}, self._source.second
+        if second is None:
             return found
         ghost = second.frame(at_s)
         return {**found, "ghost": None if ghost is None else rounded(ghost["poses"])}

@@ -28,6 +28,17 @@ class PlayClock:
         self._set_s, self._at_s = self._now(), at_s
 
     def run(self, speed: float) -> None:
-        """Move on so many times as fast as time."""
+        """Move on so many times as fast as time; from the end that it would move to, once more."""
         self.go(self.at_s)
         self.speed = speed
+        if self._is_over():
+            self.go(self.ends[0 if speed > 0.0 else 1])
+
+    def runs(self) -> bool:
+        """Whether it moves on; at the end that it moved to it stays from now on."""
+        if self._is_over():
+            self.run(0.0)
+        return self.speed != 0.0
+
+    def _is_over(self) -> bool:
+        return self.speed != 0.0 and self.at_s == self.ends[1 if self.speed > 0.0 else 0]

@@ -73,6 +73,7 @@ function greet(hello) {
   known = JSON.stringify(page.hello?.links) === JSON.stringify(hello.links);
   page.hello = hello;
   page.frame = null;
+  cameAt_ms = performance.now(); // a robot that says nothing from now on is told, too
   steering = false;
   for (const old of [robot, ghost, overlays]) if (old) discard(old);
   overlays = undefined;
@@ -202,7 +203,7 @@ function warn() {
   const age_ms = performance.now() - cameAt_ms;
   const closed = connection.socket.readyState !== WebSocket.OPEN;
   const each_ms = 1000 * SAMPLED * (page.hello?.period_s ?? 0);
-  const old = page.hello?.live && page.frame && age_ms > Math.max(OLD_MS, OLD_FRAMES * each_ms);
+  const old = page.hello?.live && age_ms > Math.max(OLD_MS, OLD_FRAMES * each_ms);
   at("banner").hidden = !closed && !old;
   if (at("banner").hidden) return;
   const [why, age] = at("banner").children;

@@ -91,9 +91,9 @@ class Operator:
                 if not isinstance(what, dict):
                     raise UsageError("a change needs `what`: keys and their numbers")
                 more = {} if over_s is None else {"over_s": over_s}
-                told = await self._ask("ask", lambda: self._robot().change(what, **more))
-                self._source.take_now(told)
-                return {"changeable": self._source.changeable()}
+                await self._ask("ask", lambda: self._robot().change(what, **more))
+                self._source.changed(over_s)  # as yet the numbers are what they were
+                return {}
             case "acquire":
                 return await self._acquire(page)
             case "release":

@@ -113,6 +113,14 @@ def test_an_old_picture_says_so_and_a_new_one_takes_that_back(open_page):
         page.wait_for_function("() => hoap3.proved")
 
 
+def test_a_robot_that_says_nothing_to_a_page_that_has_just_come_is_called_silent(open_page):
+    with made_up_view(frames=None) as view:
+        page = open_page(view, wait="() => window.hoap3?.hello")
+        page.wait_for_selector("#banner:not([hidden])")
+        view.say(frame(16))
+        page.wait_for_selector("#banner", state="hidden")
+
+
 def test_a_robot_of_20_hz_is_not_called_silent(open_page):
     """One of 16 States is shown: one each 0.8 s."""
     with made_up_view(frames=None, period_s=0.05) as view:
