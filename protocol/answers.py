@@ -112,6 +112,40 @@ class ControlAnswer(Answer):
         return self
 
 
+class Steered(Answer):
+    """A live target, as its operator must know it.
+
+    Attributes:
+        name: of the target.
+        dimension, rates: numbers of a point, and of a rate.
+    """
+
+    name: str
+    dimension: Annotated[int, Field(ge=1, le=65_536)]
+    rates: Annotated[int, Field(ge=1, le=65_536)]
+
+
+class OperatorAnswer(Answer):
+    """What a controller tells whoever steers.
+
+    Attributes:
+        epoch, session_id: that targets carry.
+        following: whether the robot follows the controller.
+        targets: all that can be steered, in the order of their numbers.
+        taken, late_points, refused: what came of messages, the last by reason.
+        newest: number of the last message that has come; controllers before this one do not tell.
+    """
+
+    epoch: Uint64
+    session_id: Uint64
+    following: bool
+    targets: list[Steered]
+    taken: Uint64
+    late_points: Uint64
+    refused: dict[str, int]
+    newest: Uint64 | None = None
+
+
 ROBOT_ANSWERS: dict[str, type[Answer]] = {
     "status": Status,
     "stop": Status,

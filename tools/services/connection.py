@@ -23,6 +23,8 @@ from hoap3.protocol.answers import (
     MAX_CONTROL_BYTES,
     ROBOT_ANSWERS,
     ControlAnswer,
+    OperatorAnswer,
+    check_answer,
     parse_answer,
     parse_description,
 )
@@ -251,6 +253,7 @@ class Connection:
         Raises:
             LinkError: no controller answers.
             UsageError: somebody else steers, or the controller has no live target.
+            WireError: its answer makes no sense.
         """
         until = time.monotonic() + timeout_s
         while True:
@@ -297,6 +300,7 @@ class Connection:
     def _acquire(self) -> dict[str, Any]:
         with self._steering:
             found = self._control("acquire")
+            check_answer(OperatorAnswer, found, f"the controller of {self.robot!r} who steers it")
             if found["epoch"] != self._epoch:  # else it counts on, also where it seemed lost
                 self._epoch, self._number = found["epoch"], 0
             self._operator, self._lost = found, None
@@ -415,7 +419,7 @@ class Connection:
 
     def _keep(self) -> None:
         """Have a thread renew the lease."""
-        if self._renewer is None:
+        if self._renewer is None or not self._renewer.is_alive():
             self._renewer = threading.Thread(target=self._renew, name="renew", daemon=True)
             self._renewer.start()
 

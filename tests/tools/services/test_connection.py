@@ -15,7 +15,7 @@ import pytest
 from support.small_arm import arm
 
 import hoap3
-from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
+from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireError
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.messages import Event, Target
@@ -33,6 +33,7 @@ class Network:
         self.samples: list[Any] = []
         self.looked: set[int] = set()
         self.following = self.answers = True
+        self.more: dict[str, Any] = {}
 
     def ask(self, _: Any, robot: str, verb: str, who: str, body: bytes, whom: str) -> bytes | None:
         del robot, who
@@ -44,7 +45,7 @@ class Network:
         target = {"name": "hand", "dimension": 3, "rates": 3}
         grant = {"epoch": 1, "session_id": 7, "following": self.following, "targets": [target]}
         counts = {"taken": 0, "late_points": 0, "refused": {}}
-        return json.dumps({"error": None, "now": {**grant, **counts}}).encode()
+        return json.dumps({"error": None, "now": {**grant, **counts, **self.more}}).encode()
 
     def session(self, _: Any, robot: str) -> Any:
         """As zenoh has it."""
@@ -254,3 +255,25 @@ def test_of_a_controller_that_is_silent_lockstep_is_told(
     network.answers = False
     with pytest.raises(LinkError, match="lockstep"):
         robot.acquire()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"epoch": None}, {"following": 1}, {"targets": [{"name": "hand"}]}, {"refused": 3}]
+)
+def test_a_controller_that_answers_nonsense_is_no_operators(
+    wrong: dict[str, Any], robot: Connection, network: Network
+) -> None:
+    network.more = wrong
+    with pytest.raises(WireError):
+        robot.acquire()
+    network.more = {}
+    robot.acquire()
+    network.more = wrong  # from the next renewal on
+    deadline = time.monotonic() + 60.0
+    while robot._operator is not None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    with pytest.raises(WireError):
+        robot.send_target([0.0, 0.0, 0.0])
+    network.more = {}
+    robot.acquire()
+    robot.send_target([0.0, 0.0, 0.0])
