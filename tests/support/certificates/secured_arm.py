@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 import hoap3
 from hoap3.tools.services.connection import Connection
 from support.certificates.laboratory import laboratory
-from support.command_bench import PATIENT, QUIET, controller, emulator, endpoint
+from support.command_bench import PATIENCE_S, PATIENT, QUIET, controller, emulator, endpoint
 from support.pages.steered_arm import ROBOT, hand
 
 
@@ -40,11 +41,11 @@ NEAR_M = 1e-3
 
 def goes(robot: Connection, aim: list[float]) -> None:
     """Wait until the hand is somewhere."""
-    for _ in range(3000):
-        if np.linalg.norm(hand(robot.state()) - aim) < NEAR_M:
+    until = time.monotonic() + PATIENCE_S
+    for state in robot.states(PATIENCE_S):
+        if np.linalg.norm(hand(state) - aim) < NEAR_M:
             return
-        next(robot.states())
-    raise AssertionError(f"it is at {hand(robot.state())}, not {aim}")
+        assert time.monotonic() < until, f"it is at {hand(state)}, not {aim}; mode {state.mode}"
 
 
 def assert_stays(robot: Connection, place: np.ndarray) -> None:

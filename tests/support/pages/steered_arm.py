@@ -19,6 +19,7 @@ from hoap3.protocol.messages import State
 from hoap3.tools.services.client import client_settings
 from hoap3.tools.services.connection import Connection
 from support.command_bench import (
+    PATIENCE_S,
     PATIENT,
     QUIET,
     Command,
@@ -126,13 +127,12 @@ def goes_to(robot: Connection, pen: PagePen, aim: list[float]) -> None:
 
     On a busy machine a page may be silent for so long that it is held, or loses the lease.
     """
-    for _ in range(1500):
+    until = time.monotonic() + PATIENCE_S
+    while np.linalg.norm(hand(state := robot.state()) - aim) >= 1e-3:
+        assert time.monotonic() < until, (hand(state), state.mode, pen.events)
         if pen.act(verb="target", name="hand", values=aim)["error"] is not None:
             steer(pen)
-        if np.linalg.norm(hand(robot.state()) - aim) < 1e-3:
-            return
         pen.hear("frame")
-    raise AssertionError(f"it never came there: {pen.events}")
 
 
 @contextmanager
