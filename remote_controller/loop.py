@@ -11,7 +11,7 @@ from hoap3.protocol.config.plugins import blame
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.messages import Event, FloatArray, Setpoint, State
+from hoap3.protocol.messages import Event, FloatArray, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.recorder import Recorder
@@ -43,23 +43,12 @@ def failure(controller: Controller, what: str, error: BaseException) -> Hoap3Err
     return Hoap3Error(f"controller {kind.__name__} {what}: {blame(error, kind)}")
 
 
-def checked(controller: Controller, command: Setpoint, values: FloatArray) -> Setpoint:
-    """The answer of a controller, of which nothing else travels than its author sees.
-
-    Args:
-        controller: that answered.
-        command: what its `step` returned.
-        values: the array that the bytes of its message have always had.
-
-    Raises:
-        UsageError: another message, or `values` was set to another array.
-    """
-    if command is not controller.command or controller.command.values is not values:
-        raise UsageError(
-            f"{type(controller).__name__}.step: write into the message that there is, "
-            "`self.command.values[:] = …`, and return `self.command`"
-        )
-    return command
+def not_its_own(controller: Controller) -> UsageError:
+    """Of an answer that is another message, or whose `values` are: something else would travel."""
+    return UsageError(
+        f"{type(controller).__name__}.step: write into the message that there is, "
+        "`self.command.values[:] = …`, and return `self.command`"
+    )
 
 
 class ControllerLoop:
@@ -211,11 +200,12 @@ class ControllerLoop:
                 self.sum_up()
                 last = self._reset(state)
                 self._engaged = asked
-                self._note("RESET", tick)
                 self._note_reset(tick, last)
             elif not asked and self._runs_up(state):
                 self._reset(state)
-            command = checked(controller, controller.step(state), self._values)
+            command = controller.step(state)
+            if command is not controller.command or command.values is not self._values:
+                raise not_its_own(controller)
             command.stamp_solved = now()
             self.steps += 1
         except (Exception, SystemExit) as error:  # nobody else may end us
@@ -227,9 +217,8 @@ class ControllerLoop:
             self._last_answer = None
             return None
         command.session_id, command.tick, command.epoch = session_id, tick, epoch
-        command.stamp_state = state.stamp_published
-        command.stamp_received, command.stamp_decoded = received, decoded
-        command.stamp_sent_previous = self._sent_previous
+        command.stamp_state, command.stamp_received = state.stamp_published, received
+        command.stamp_decoded, command.stamp_sent_previous = decoded, self._sent_previous
         command.stamp_encoded = encoded = now()
         self._last_answer = answer = command.dump()
         self._unrecorded.append((Kind.SETPOINT, encoded, answer))
@@ -422,6 +411,7 @@ class ControllerLoop:
 
     def _note_reset(self, tick: int, last: FloatArray | None) -> None:
         """Record from what the controller begins anew: all that it remembers."""
+        self._note("RESET", tick)
         command = None if last is None else [x if isfinite(x) else None for x in last.tolist()]
         memory = json.dumps({"tick": tick, "last_command": command}).encode()
         self._unrecorded.append((Kind.RESET, self._event.stamp, memory))

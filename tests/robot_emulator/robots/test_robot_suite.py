@@ -27,10 +27,10 @@ FAULTS = {
         arm3.URDF,
         "postures_are_usable",
     ),
-    "brakes that beat its setpoints": (
+    "brakes of which positions use a part": (
         YAML + "setpoint_acceleration_max: 10.0\nbrake_acceleration: 20.0\n",
         arm3.URDF,
-        "no_more_than_it_may_be_told",
+        "",
     ),
     "too weak for itself": (
         YAML,
