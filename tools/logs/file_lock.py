@@ -44,18 +44,20 @@ class LockedFolder:
             self._fd = -1
 
 
-def is_locked(log: Path) -> bool:
-    """Whether somebody writes a log, or into a folder; where locks are not known, yes."""
+def is_locked(log: Path, *, unknown: bool = True) -> bool:
+    """Whether somebody writes a log, or into a folder; `unknown` where locks are not known."""
     try:
         fd = os.open(log, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:
         return False
     except OSError:
-        return True
+        return unknown
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         return True
+    except OSError:
+        return unknown
     finally:
         os.close(fd)
     return False

@@ -88,7 +88,7 @@ def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     reports, wrong = [], []
     for file in files:
         try:
-            reports.append(_left_alone(file) or _repaired_before(file) or repair(file))
+            reports.append(_left_alone(file) or _repaired_before(file) or _mended(file))
         except UsageError as error:
             wrong.append(str(error))
     return reports, wrong
@@ -106,10 +106,12 @@ def repair(path: Path) -> RepairReport:
     """
     if path.is_dir():
         raise LogError(f"{path}: is a folder. Name the file to mend")
-    whole = _left_alone(path)
-    if whole is not None:
-        return whole
-    if is_locked(path):
+    return _left_alone(path) or _mended(path)
+
+
+def _mended(path: Path) -> RepairReport:
+    """Write what can be read of a log that is not whole."""
+    if is_locked(path, unknown=False):  # else none could be mended where locks are not known
         raise UsageError(f"{path}: is being written. Repair it once that has ended")
     log, scan = Log.open(path), McapScan.of(path)
     messages, last = 0, None

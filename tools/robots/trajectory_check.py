@@ -11,6 +11,7 @@ import numpy as np
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.references.trajectories.motion_file import (
+    LONGEST_S,
     QUATERNION,
     Motion,
     read_motion,
@@ -100,7 +101,14 @@ def shown(found: dict[str, Any]) -> Iterator[str]:
 
 
 def _of_points(motion: Motion, degree: Degree, scaling: float, period: float) -> dict[str, Any]:
-    """Of a motion in space, at each period: how fast it is, and where."""
+    """Of a motion in space, at each period: how fast it is, and where.
+
+    Raises:
+        ConfigError: scaled it is so long that nobody waits for that.
+    """
+    if motion.times_s[-1] * scaling > LONGEST_S:
+        problem = f"makes it longer than {LONGEST_S:g} s, and each period is looked at"
+        raise ConfigError("--time-scaling", "", scaling, problem, "Give less")
     path = Trajectory(motion, degree, scaling)
     axes = [i for i, name in enumerate(motion.names) if name in AXES]
     (place, velocity), before = np.zeros((2, path.dimension)), None

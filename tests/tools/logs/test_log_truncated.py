@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +19,7 @@ from support.log_samples import MS, START, describe, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.runtime.shm_ring import Record
-from hoap3.tools.logs.file_lock import lock_shared
+from hoap3.tools.logs.file_lock import is_locked, lock_shared
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.mcap_write import McapFile
 from hoap3.tools.logs.repair import repair, repair_all
@@ -222,3 +225,18 @@ def test_a_log_that_is_being_written_is_repaired_later(tmp_path: Path, sample: S
     (after,), _ = repair_all(tmp_path)
     assert after.whole
     assert after.messages > report.messages
+
+
+def test_where_locks_are_not_known_a_log_is_repaired_all_the_same(
+    tmp_path: Path, sample: Sample, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a network's file system, which refuses an exclusive lock of what is only read."""
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[: len(sample.content) // 2])
+
+    def refuse(*_: int) -> None:
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    assert is_locked(path)  # nobody deletes it
+    assert repair(path).messages > 0

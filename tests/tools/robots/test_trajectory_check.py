@@ -148,6 +148,14 @@ def test_what_a_run_refuses_the_check_does(text, word, tmp_path: Path):
     assert word in done.stderr
 
 
+def test_a_scaling_for_which_nobody_waits_is_refused(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_text("t,x,y,z\n0,0.3,0,0.4\n1,0.3,0.1,0.4\n")
+    done = inside("trajectory", "check", file, "--robot", "ur5", "--time-scaling", "1e9")
+    assert done.code == 2
+    assert "--time-scaling" in done.stderr
+
+
 def test_of_a_motion_in_space_the_extremes_are_told(tmp_path: Path):
     file = tmp_path / "a.csv"
     file.write_text("t,x,y,z\n0,0.3,0,0.4\n1,0.3,0.1,0.4\n1.5,0.3,-0.1,0.5\n")
