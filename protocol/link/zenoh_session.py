@@ -210,12 +210,19 @@ def ask_in(
     timeout_s: float = QUERY_TIMEOUT_S,
     whom: Literal["ask", "control"] = "ask",
 ) -> bytes | None:
-    """Ask in one version of the wire; in version 1 the client's name is not in the key."""
-    root = key(robot, f"{whom}/{verb}")
-    if version == OLDEST:
-        payload = body if whom == "control" else who.encode()
-        return _first(session.get(root, payload=payload, timeout=timeout_s))
-    return _first(session.get(f"{root}/{who}", payload=body, timeout=timeout_s))
+    """Ask in one version of the wire; in version 1 the client's name is not in the key.
+
+    An answer counts as soon as it comes. Zenoh would keep it until nobody else could answer, and of
+    each `stop` a robot that is short of room keeps a second copy unanswered.
+    """
+    target = key(robot, f"{whom}/{verb}")
+    payload = body
+    if version != OLDEST:
+        target = f"{target}/{who}"
+    elif whom == "ask":
+        payload = who.encode()
+    at_once = zenoh.ConsolidationMode.NONE
+    return _first(session.get(target, payload=payload, timeout=timeout_s, consolidation=at_once))
 
 
 def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import socket
+import threading
 from collections.abc import Iterator
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import zenoh
 from loopback import PATIENCE_S, Network, eventually, next_state
 
 from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link import zenoh_link
 from hoap3.protocol.link.session_limits import (
     MAX_MESSAGE_BYTES,
     MAX_PENDING,
@@ -111,8 +113,16 @@ def test_queries_that_nobody_serves_hold_up_no_setpoint(network):
     assert len(list(robot.requests())) <= WAITING_QUERIES
 
 
+def arrived(session, robot):
+    """What the session asked before this has reached the robot."""
+    robot.arrival.clear()
+    session.put(key("arm", "setpoint"), b"behind them all", congestion_control=BLOCK)
+    assert robot.arrival.wait(PATIENCE_S)
+    robot.drain()
+
+
 def test_answers_that_cannot_leave_are_bounded(network, monkeypatch):
-    robot, _ = network.pair()
+    robot, _ = network.pair(blocking=True)
     session = stranger(network)
     monkeypatch.setattr(
         "hoap3.protocol.link.zenoh_link._reply", lambda *_: robot._receiver.join(PATIENCE_S)
@@ -123,13 +133,36 @@ def test_answers_that_cannot_leave_are_bounded(network, monkeypatch):
         request.answer(b"bytes")
     for _ in range(10):
         session.get(key("arm", "ask/status"), payload=b"x")
+    arrived(session, robot)
     assert list(robot.requests()) == []
     session.get(key("arm", "ask/stop"), payload=b"x")
     (stop,) = eventually(lambda: list(robot.requests()), "a stop, which is taken all the same")
     for _ in range(WAITING_ANSWERS + 2):
         stop.answer(b"bytes")
     session.get(key("arm", "ask/stop"), payload=b"x")
+    arrived(session, robot)
     assert list(robot.requests()) == []
+
+
+def test_a_stop_is_answered_while_nobody_takes_the_other_answers(network, monkeypatch):
+    robot, controller = network.pair()
+    session, free, reply = stranger(network), threading.Event(), zenoh_link._reply
+
+    def stuck(query, payload):
+        if "stop" not in str(query.key_expr):
+            free.wait(PATIENCE_S)
+        reply(query, payload)
+
+    monkeypatch.setattr(zenoh_link, "_reply", stuck)
+    session.get(key("arm", "ask/status"), payload=b"x")
+    request = eventually(lambda: next(iter(robot.requests()), None), "the request")
+    for _ in range(WAITING_ANSWERS + 1):
+        request.answer(b"bytes")
+    answer = network.start(controller.ask, "stop", PATIENCE_S)
+    (stop,) = eventually(lambda: list(robot.requests()), "the stop")
+    stop.answer({"mode": "stopped"})
+    assert answer.result(PATIENCE_S) == b'{"mode": "stopped"}'
+    free.set()
 
 
 def test_stops_that_are_refused_are_passed_over_at_once_and_all_else_is_not(network):
