@@ -6,16 +6,18 @@ import json
 import re
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 import hoap3
 from hoap3.protocol.link import zenoh_session as network
-from hoap3.protocol.messages import State
+from hoap3.protocol.messages import FloatArray, State, Target
 from hoap3.tools.services.client import client_settings
 from hoap3.tools.services.connection import Connection
 from support.command_bench import (
@@ -76,8 +78,8 @@ def address(command: Command) -> tuple[str, str]:
 @contextmanager
 def viewed_arm(
     at: str, law: Sequence[object] = QUIET, robot: Sequence[object] = PATIENT
-) -> Iterator[Command]:
-    """UR5 that follows `steered_ur5`, and the command that shows it.
+) -> Iterator[tuple[Command, Command]]:
+    """UR5 that follows `steered_ur5`: its controller, and the command that shows it.
 
     Args:
         at: where the robot listens.
@@ -90,7 +92,7 @@ def viewed_arm(
         command.hear("following robot")
         wait_for_mode("active", at, ROBOT)
         with Command("view", ROBOT, "--connect", at, "--port", "0") as viewer:
-            yield viewer
+            yield command, viewer
 
 
 def tool(q: np.ndarray) -> np.ndarray:
@@ -114,7 +116,7 @@ def steer(pen: PagePen) -> None:
     assert pen.hello["writes"]
     if not pen.prove():
         raise AssertionError("the token is wrong")
-    for _ in range(200):
+    for _ in range(600):
         told = pen.act(verb="acquire")
         if told["error"] is None:
             return
@@ -165,14 +167,13 @@ def until_rest(robot: Connection, since: State) -> tuple[float, np.ndarray]:
 
 
 class Targets:
-    """When targets are sent, by anybody [s]."""
+    """All targets that anybody sends, as they come: when [ns], and their numbers."""
 
     def __init__(self, at: str) -> None:
         self._session = network.open_session(client_settings(at))
-        self.times: list[float] = []
-        self._heard = self._session.declare_subscriber(
-            network.key(ROBOT, "targets/*"), lambda _: self.times.append(time.monotonic())
-        )
+        self._news = threading.Condition()
+        self.sent: list[tuple[int, FloatArray]] = []
+        self._heard = self._session.declare_subscriber(network.key(ROBOT, "targets/*"), self._take)
 
     def __enter__(self) -> Targets:
         return self
@@ -180,11 +181,14 @@ class Targets:
     def __exit__(self, *_: object) -> None:
         self._session.close()
 
-    def first_since(self, begin: float) -> float:
-        """How long after a time the first came."""
-        for _ in range(3000):
-            found = [each for each in self.times if each > begin]
-            if found:
-                return found[0] - begin
-            time.sleep(1e-3)
-        raise AssertionError("nothing was sent")
+    def wait_for(self, count: int) -> bool:
+        """Wait until so many have been sent; whether they have."""
+        with self._news:
+            return self._news.wait_for(lambda: len(self.sent) >= count, PATIENCE_S)
+
+    def _take(self, sample: Any) -> None:
+        target = Target.like(payload := bytes(sample.payload))
+        target.load(payload)
+        with self._news:
+            self.sent.append((time.monotonic_ns(), target.values.copy()))
+            self._news.notify_all()

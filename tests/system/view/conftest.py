@@ -20,8 +20,8 @@ def at() -> str:
 
 @pytest.fixture(scope="module")
 def viewed(at: str) -> Iterator[Command]:
-    with viewed_arm(at) as command:
-        yield command
+    with viewed_arm(at) as (_, viewer):
+        yield viewer
 
 
 @pytest.fixture(scope="module")
