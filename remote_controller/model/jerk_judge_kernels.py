@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.robot.jerk.jerk_takeover_kernels import Motion, asked_of, of_joint, taken
+from hoap3.protocol.robot.jerk.jerk_takeover_kernels import (
+    Motion,
+    asked_of,
+    brakes_in_time,
+    motion_to,
+    of_joint,
+)
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 
 
@@ -32,6 +38,6 @@ def held_by_jerk(
             continue
         own, at = of_joint(limits, i, T), Motion(q, v, (v - (last - before) / T) / T)
         s, _start, r, c, slack = asked_of(answer[i], history, q, own)
-        there, _motion = taken(s, r, c, slack, at, own)
-        held += not there or s != answer[i]
+        kept, motion = motion_to(s, r, c, slack, at, own)
+        held += not (kept and brakes_in_time(motion, own)) or s != answer[i]
     return held

@@ -39,18 +39,23 @@ class JerkFilter(PositionFilter):
     def __init__(self, description: RobotDescription, period_s: float) -> None:
         from hoap3.protocol.robot.jerk.jerk_takeover_kernels import WITHOUT
         from hoap3.robot_emulator.filters import jerk_kernels as kernels
-        from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
+        from hoap3.robot_emulator.filters.jerk_block_kernels import WORK
 
         super().__init__(description, period_s)
         n = description.n
-        self._kernels = kernels
+        self._filter, self._steer, self._ends = (
+            kernels.filter_jerk, kernels.steer, kernels.brake_ends
+        )  # fmt: skip
         self._limits = limits_with_jerk(description)
         jerk = self._limits[4]
         self._lower, self._upper = self._limits[0], self._limits[1]
         some = np.where(np.isfinite(jerk), jerk, WITHOUT * self._limits[3] / period_s)
         self._curve = BrakingCurve(np.minimum(self._brake, self._limits[3]), some, period_s)
-        self._acceleration, self._lowest, self._highest = np.zeros((3, n))
+        self._motion, self._lowest, self._highest = np.zeros((3, n)), np.zeros(n), np.zeros(n)
+        self.value, self.rate, self._acceleration = self._motion
+        self.reference = self.value
         self._history, self._work = np.zeros((3, n)), np.zeros(WORK)
+        self._before = self._history[0]
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,)."""
@@ -59,10 +64,7 @@ class JerkFilter(PositionFilter):
 
     def _begin_at_value(self) -> None:
         """Let the range of a joint end where it gets to at least, if that is beyond its usable."""
-        self._kernels.brake_ends(
-            self._limits, self._dt, self.value, self.rate, self._acceleration,
-            self._lowest, self._highest,
-        )  # fmt: skip
+        self._ends(self._limits, self._dt, self._motion, self._lowest, self._highest)
         lower, upper = self._usable
         np.minimum(lower, self._lowest, out=self._lower)
         np.maximum(upper, self._highest, out=self._upper)
@@ -82,16 +84,10 @@ class JerkFilter(PositionFilter):
         """One period of the planned stop; True once at rest, and no acceleration is left."""
         self._stopped_for += 1
         over = self._curve.at(self._stopped_for, self._target)
-        self._count(
-            self._kernels.steer(
-                self._target, self._limits, self._dt, self.value, self.rate, self._acceleration
-            )
-        )
+        self._count(self._steer(self._target, self._limits, self._dt, self._motion))
         return over and not self.rate.any() and not self._acceleration.any()
 
-    def _step(self) -> int:
-        held: int = self._kernels.filter_jerk(
-            self._target, self._history, self._limits, self._dt, self.value, self.rate,
-            self._acceleration, self._work,
-        )  # fmt: skip
-        return held
+    def _go_to(self, setpoint: FloatArray) -> int:
+        return self._count(
+            self._filter(setpoint, self._history, self._limits, self._dt, self._motion, self._work)
+        )

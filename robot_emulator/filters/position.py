@@ -6,6 +6,7 @@ Not a safety function in the sense of any norm.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class PositionFilter:
         from hoap3.robot_emulator.filters.position_kernels import filter_setpoint
 
         n = description.n
-        self._filter = filter_setpoint
+        self._filter: Callable[..., int] = filter_setpoint
         self._dt = period_s
         self._usable = description.lower, description.upper
         acceleration = description.setpoint_acceleration_max
@@ -67,7 +68,7 @@ class PositionFilter:
 
     def forget(self) -> None:
         """Forget earlier setpoints: there is nothing to hold or extrapolate but the place."""
-        self._target[:] = self._before[:] = self.value
+        self._before[:] = self.value
         self._newest_tick = -1
         self._ticks_between = 0
 
@@ -80,21 +81,21 @@ class PositionFilter:
         self._ticks_between = tick - self._newest_tick if self._newest_tick >= 0 else 0
         self._newest_tick = tick
         self._newest, self._earlier = self._earlier, self._newest
-        self._newest[:] = setpoint
-        self._target[:] = setpoint
-        return self._apply()
+        self._newest[...] = setpoint
+        return self._go_to(self._newest)
 
     def hold(self) -> int:
         """No setpoint: keep to the last one."""
-        return self._apply()
+        return self._go_to(self._before)
 
     def extrapolate(self) -> int:
         """No setpoint: go on as the last two did, as far as they were within the limits."""
         if self._ticks_between:
             newest = np.clip(self._newest, self._lower, self._upper)
             earlier = np.clip(self._earlier, self._lower, self._upper)
-            self._target += (newest - earlier) / self._ticks_between
-        return self._apply()
+            ahead = (newest - earlier) / self._ticks_between
+            return self._go_to(np.add(self._before, ahead, out=self._target))
+        return self._go_to(self._before)
 
     def begin_stop(self) -> None:
         """Plan to brake to rest: all joints together, in a straight line, at the limit of one."""
@@ -110,19 +111,14 @@ class PositionFilter:
         np.multiply(self._stop_change, share, out=self._target)
         self._target += self.value
         self._before[:] = self.value
-        self._apply()
+        self._go_to(self._target)
         return share == 0.0 and not self.rate.any()
 
-    def _apply(self) -> int:
-        """Move towards the target as far as the limits allow; the joint held back, or -1."""
-        return self._count(self._step())
-
-    def _step(self) -> int:
-        held: int = self._filter(
-            self._target, self._before, self._limits, self._dt, self.value, self.rate
-        )
-        self._before[:] = self._target
-        return held
+    def _go_to(self, setpoint: FloatArray) -> int:
+        """Move towards it as far as the limits allow, and have it be the last; as of `follow`."""
+        held = self._filter(setpoint, self._before, self._limits, self._dt, self.value, self.rate)
+        self._before[:] = setpoint
+        return self._count(held)
 
     def _count(self, held: int) -> int:
         """Note who was held back, or -1."""

@@ -130,29 +130,45 @@ def release_reserve(place: float, fast: float, x: float) -> float:
 
 
 @inlined
-def below_wall(u: float, x: float, least: float, room: float, place: float, N: float) -> float:
-    """As much of the next x, but no less than `least`, as leaves a joint able to brake in time.
+def far_from_wall(u: float, x: float, room: float, place: float, N: float) -> tuple[bool, float]:
+    """Whether a joint plainly is able to brake in time after a next x; and the reserve for that.
 
     Args:
         u: velocity over the last period.
-        x, least: next acceleration.
+        x: next acceleration.
         room: up to the wall.
         place: where the wall and the joint are at most, from 0.
         N: greatest acceleration.
     """
     top, steps = brake_steps(u + x, x, N)
     reserve = brake_reserve(place, top * steps, steps)
-    if (not top > 0.0) | (u + x + top * steps + reserve <= room):
-        return x
-    return most_for_wall(u, room - reserve, least, x, N)
+    return (not top > 0.0) | (u + x + top * steps + reserve <= room), reserve
+
+
+@inlined
+def below_wall(u: float, x: float, least: float, room: float, place: float, N: float) -> float:
+    """As much of the next x, but no less than `least`, as leaves a joint able to brake in time.
+
+    The others are as of `far_from_wall`.
+    """
+    far, reserve = far_from_wall(u, x, room, place, N)
+    return x if far else most_for_wall(u, room - reserve, least, x, N)
+
+
+@inlined
+def plainly_able_to_brake(u: float, x: float, room: float, place: float, N: float) -> bool:
+    """Whether the maximal brake from velocity u and acceleration x ends within `room` by far."""
+    top, steps = brake_steps(u, x, N)
+    rise = top * steps
+    ends = (not top > 0.0) | (rise + brake_reserve(place, rise, steps) <= room)
+    return ends & (room >= 0.0)
 
 
 @inlined
 def able_to_brake(u: float, x: float, room: float, place: float, N: float) -> bool:
     """Whether the maximal brake from velocity u and acceleration x ends within `room`."""
-    top, steps = brake_steps(u, x, N)
-    if not top > 0.0 or top * steps + brake_reserve(place, top * steps, steps) <= room:
-        return room >= 0.0
+    if plainly_able_to_brake(u, x, room, place, N):
+        return True
     rise, _slope, steps = brake_rise(u, x, N)
     return rise + ROUNDINGS * ULP * (place + rise) * steps <= room
 
@@ -181,6 +197,5 @@ def most_for_wall(u: float, room: float, least: float, most: float, N: float) ->
 @inlined
 def within_velocity(u: float, x: float, most: float) -> float:
     """As much of x > 0 as can be released before the velocity, now u, is above `most`."""
-    if u + 0.5 * x * (x + 1.0) + 0.125 <= most:
-        return x
-    return min(x, stopping_speed(most - u, 1.0, 1.0))
+    free = u + 0.5 * x * (x + 1.0) + 0.125 <= most
+    return x if free else min(x, stopping_speed(most - u, 1.0, 1.0))

@@ -9,7 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hoap3.protocol.robot.jerk.jerk_limits_kernels import able_to_brake, release
+from hoap3.protocol.robot.jerk.jerk_limits_kernels import (
+    able_to_brake,
+    plainly_able_to_brake,
+    release,
+)
 from hoap3.protocol.robot.setpoint_limits_kernels import rounding, within
 from hoap3.protocol.runtime.numba_jit import Matrix, inlined
 
@@ -53,45 +57,22 @@ class Motion(NamedTuple):
 
 
 @inlined
-def of_joint(limits: Matrix, i: int, T: float) -> Limits:
-    """Column i of (5, n) limits."""
-    speed, A, J = limits[2, i], limits[3, i], limits[4, i]
-    if not math.inf > J:
-        J = WITHOUT * A / T
+def with_units(lower: float, upper: float, speed: float, A: float, jerk: float, T: float) -> Limits:
+    """Limits of a joint whose jerk may be inf: without a limit of it."""
+    J = jerk if jerk < math.inf else WITHOUT * A / T
     acceleration = 1.0 / (J * T)
     velocity = acceleration / T
     place = velocity / T
     return Limits(
-        limits[0, i], limits[1, i], speed, A, J, T,
+        lower, upper, speed, A, J, T,
         place, velocity, acceleration, speed * velocity, A * acceleration,
     )  # fmt: skip
 
 
 @inlined
-def own_motion(
-    s: float, history: tuple[float, float, float], slack: float, own: Limits
-) -> tuple[float, float, float]:
-    """Where the setpoint's last step began, its velocity and its acceleration.
-
-    After a jump, which is what no joint within these limits does, it is at rest at s.
-
-    Args:
-        s, history: the setpoint, and those of one, two and three periods ago.
-        slack: of velocities, because of rounding.
-        own: limits.
-    """
-    before, earlier, first = history
-    per_s = 1.0 / own.T
-    near = SLACKS * slack * per_s
-    r, last = (s - before) * per_s, (before - earlier) * per_s
-    c, b = (r - last) * per_s, (last - (earlier - first) * per_s) * per_s
-    moves = (
-        (abs(r) <= own.speed + slack)
-        & (own.speed + slack < math.inf)
-        & (abs(c) <= own.A + near)
-        & (abs(c - b) <= own.J * own.T + 2.0 * near)
-    )
-    return before if moves else s, r if moves else 0.0, c if moves else 0.0
+def of_joint(limits: Matrix, i: int, T: float) -> Limits:
+    """Column i of (5, n) limits."""
+    return with_units(limits[0, i], limits[1, i], limits[2, i], limits[3, i], limits[4, i], T)
 
 
 @inlined
@@ -101,41 +82,54 @@ def asked_of(
     """What a setpoint asks of a joint at q: s, and its own motion.
 
     Beyond a limit it is the limit that counts, and for what is no place the one where the joint is.
+    After a jump, which is what no joint within these limits does, it is at rest at s.
+
+    Args:
+        setpoint, history: what is asked for, and what was so one, two and three periods ago.
+        q: where the joint is.
+        own: limits.
 
     Returns:
         s, where its last step began, its velocity, its acceleration; and the slack of velocities
         because of rounding.
     """
     s = within(setpoint, own.lower, own.upper)
-    if math.isnan(setpoint) or not abs(s) < math.inf:
-        return q, q, 0.0, 0.0, rounding(q, q, own.T)
+    some = (not math.isnan(setpoint)) & (abs(s) < math.inf)
+    s = s if some else q
     before, earlier, first = history
-    slack = rounding(s, q, own.T)
-    if math.isnan(before) or math.isnan(earlier) or math.isnan(first):
-        return s, s, 0.0, 0.0, slack
-    inside = (
-        within(before, own.lower, own.upper),
-        within(earlier, own.lower, own.upper),
-        within(first, own.lower, own.upper),
+    known = some & (not (math.isnan(before) | math.isnan(earlier) | math.isnan(first)))
+    before = within(before, own.lower, own.upper)
+    earlier = within(earlier, own.lower, own.upper)
+    first = within(first, own.lower, own.upper)
+    slack, per_s = rounding(s, q, own.T), 1.0 / own.T
+    near = SLACKS * slack * per_s
+    r, last = (s - before) * per_s, (before - earlier) * per_s
+    c, b = (r - last) * per_s, (last - (earlier - first) * per_s) * per_s
+    moves = (
+        known
+        & (abs(r) <= own.speed + slack)
+        & (own.speed + slack < math.inf)
+        & (abs(c) <= own.A + near)
+        & (abs(c - b) <= own.J * own.T + 2.0 * near)
     )
-    start, r, c = own_motion(s, inside, slack, own)
-    return s, start, r, c, slack
+    return s, before if moves else s, r if moves else 0.0, c if moves else 0.0, slack
 
 
 @inlined
-def taken(
+def motion_to(
     s: float, r: float, c: float, slack: float, at: Motion, own: Limits
 ) -> tuple[bool, Motion]:
-    """Whether a joint can go to s in one period and do on the next what is asked for; its motion.
+    """How a joint goes to s in one period; and whether it may, but for its walls.
 
-    That is: within all limits, able to brake before all of them, and able to go on with velocity
-    r + cT and then acceleration c, as the setpoint does. NaN is not.
+    That is: within all other limits, and able to go on with velocity r + cT and then acceleration
+    c, as the setpoint does. NaN is not.
     """
     per_s = 1.0 / own.T
     w, near, step = (s - at.q) / own.T, SLACKS * slack * per_s, own.J * own.T
     a = (w - at.v) / own.T
     onward = (r + c * own.T - w) * per_s
-    fast = own.speed + slack
+    fast, u, x = own.speed + slack, w * own.velocity, a * own.acceleration
+    eased = abs(u) + release(abs(x)) <= own.fast + SLACKS * slack * own.velocity
     kept = (
         (own.lower <= s)
         & (s <= own.upper)
@@ -146,15 +140,32 @@ def taken(
         & (abs(onward - a) <= step + 2.0 * near)
         & (abs(c - onward) <= step + 2.0 * near)
         & (abs(onward) <= own.A + 2.0 * near)
+        & ((not x * u > 0.0) | eased)
     )
-    if not kept:
-        return False, at
-    u, x = w * own.velocity, a * own.acceleration
-    if x * u > 0.0 and abs(u) + release(abs(x)) > own.fast + SLACKS * slack * own.velocity:
-        return False, at
-    up, down, far = (own.upper - s) * own.place, (s - own.lower) * own.place, abs(s)
-    if not able_to_brake(u, x, up, max(far, abs(own.upper)) * own.place, own.N):
-        return False, at
-    if not able_to_brake(-u, -x, down, max(far, abs(own.lower)) * own.place, own.N):
-        return False, at
-    return True, Motion(s, w, a)
+    return kept, Motion(s, w, a)
+
+
+@inlined
+def rooms(q: float, own: Limits) -> tuple[float, float, float, float]:
+    """Up to the upper wall, and how far from 0 that or the joint is; down to the lower likewise."""
+    up, down, far = (own.upper - q) * own.place, (q - own.lower) * own.place, abs(q)
+    return up, max(far, abs(own.upper)) * own.place, down, max(far, abs(own.lower)) * own.place
+
+
+@inlined
+def plainly_brakes(at: Motion, own: Limits) -> bool:
+    """Whether a joint can brake before its walls by far."""
+    u, x = at.v * own.velocity, at.a * own.acceleration
+    up, above, down, below = rooms(at.q, own)
+    higher = plainly_able_to_brake(u, x, up, above, own.N)
+    return higher & plainly_able_to_brake(-u, -x, down, below, own.N)
+
+
+@inlined
+def brakes_in_time(at: Motion, own: Limits) -> bool:
+    """Whether a joint can brake before its walls."""
+    u, x = at.v * own.velocity, at.a * own.acceleration
+    up, above, down, below = rooms(at.q, own)
+    if not able_to_brake(u, x, up, above, own.N):
+        return False
+    return able_to_brake(-u, -x, down, below, own.N)

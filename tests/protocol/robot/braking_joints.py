@@ -6,7 +6,7 @@ import numpy as np
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
-from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
+from hoap3.robot_emulator.filters.jerk_block_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
 T = 1e-3
@@ -21,15 +21,16 @@ def braking_joints(rng: np.random.Generator, n: int) -> tuple[FloatArray, Motion
     lower, upper = middle - half, middle + half
     A = kept_acceleration(lower, upper, speed, A, J, T)
     limits = np.ascontiguousarray([lower, upper, speed, A, J])
-    q, v, a = rng.uniform(lower, upper), np.zeros(n), np.zeros(n)
+    q = rng.uniform(lower, upper)
+    motion = np.array([q, np.zeros(n), np.zeros(n)])
     history, work, goal = np.tile(q, (3, 1)), np.full(WORK, np.nan), q
     for step in range(rng.integers(20, 300)):
         if step % 40 == 0:
             goal = np.where(
                 rng.random(n) < 0.5, rng.uniform(lower, upper), rng.choice([-9.0, 9.0], n)
             )
-        filter_jerk(goal, history, limits, T, q, v, a, work)
-    return limits, (q, v, a), history
+        filter_jerk(goal, history, limits, T, motion, work)
+    return limits, tuple(motion), history
 
 
 def asked_of(

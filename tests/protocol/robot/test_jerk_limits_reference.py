@@ -15,7 +15,7 @@ from braking_joints import T, asked_of, braking_joints, rounding
 
 from hoap3.protocol.robot.jerk import jerk_limits_reference as plain
 from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
-from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
+from hoap3.robot_emulator.filters.jerk_block_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_filter_reference import filtered, own_motion, room_left
 from hoap3.robot_emulator.filters.jerk_kernels import brake_ends, filter_jerk, steer
 
@@ -38,7 +38,7 @@ def test_brakes_end_where_the_sums_of_their_steps_do(seeds):
     for seed in seeds:
         limits, (q, v, a), _ = braking_joints(np.random.default_rng(seed), JOINTS)
         lowest, highest = np.empty((2, q.size))
-        brake_ends(limits, T, q, v, a, lowest, highest)
+        brake_ends(limits, T, np.array([q, v, a]), lowest, highest)
         A, J = limits[3], limits[4]
         np.testing.assert_allclose(highest - q, plain.brake_peak(v, a, A, J, T), atol=1e-12)
         np.testing.assert_allclose(q - lowest, plain.brake_peak(-v, -a, A, J, T), atol=1e-12)
@@ -55,14 +55,16 @@ def test_there_always_is_an_acceleration_that_keeps_all_limits_and_steering_take
         assert np.all(least <= most + close)
         for end, wanted in ((least, -1e9), (most, 1e9)):
             inside = np.clip(v + T * np.where(wanted > 0, np.inf, -np.inf), -1e9, 1e9)
-            place, velocity, acceleration = q.copy(), v.copy(), a.copy()
-            steer(inside, limits, T, place, velocity, acceleration)
+            motion = np.array([q, v, a])
+            steer(inside, limits, T, motion)
+            _, velocity, acceleration = motion
             assert np.all(acceleration <= most + close)
             assert np.all(acceleration >= least - close)
-            place, velocity, acceleration = q.copy(), v.copy(), a.copy()
             within = v + T * (end + 1.001 * np.copysign(close, -wanted))
             fits = most - least > 4.0 * close
-            steer(within, limits, T, place, velocity, acceleration)
+            motion = np.array([q, v, a])
+            steer(within, limits, T, motion)
+            _, velocity, acceleration = motion
             np.testing.assert_array_equal(velocity[fits], within[fits])
 
 
@@ -87,9 +89,10 @@ def test_a_robot_goes_to_setpoints_or_approaches_them(seeds):
         limits, at, history = braking_joints(rng, JOINTS)
         setpoint = asked_of(rng, limits, at, history)
         q, v, a = at
-        place, velocity, acceleration = q.copy(), v.copy(), a.copy()
+        motion = np.array([q, v, a])
+        place, _, acceleration = motion
         work = np.full(WORK, np.nan)
-        filter_jerk(setpoint, history.copy(), limits, T, place, velocity, acceleration, work)
+        filter_jerk(setpoint, history.copy(), limits, T, motion, work)
         close = rounding(limits, at)
         left = room_left(setpoint, history, limits, T, at)
         known = np.abs(left) > close

@@ -7,7 +7,7 @@ from setpoint_attacks import Attacked, N, T, greedy, jitter, jumps, noise, rando
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
-from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
+from hoap3.robot_emulator.filters.jerk_block_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
 ULPS = 12
@@ -29,6 +29,8 @@ class JerkAttacked(Attacked):
         self.jerk = given[3] * 10.0 ** rng.uniform(-1, 3.5, N) if jerk is None else jerk
         self.acceleration = np.zeros(N)
         super().__init__(seed, given, start)
+        self.motion = np.array([self.value, self.velocity, self.acceleration])
+        self.value, self.velocity, self.acceleration = self.motion
         A = kept_acceleration(*self.limits, self.jerk, T)
         self.limits[3] = A
         self.all = np.ascontiguousarray([*self.limits, self.jerk])
@@ -40,12 +42,7 @@ class JerkAttacked(Attacked):
 
     def ask(self, setpoint: FloatArray) -> int:
         asked = np.ascontiguousarray(setpoint, float)
-        held = int(
-            filter_jerk(
-                asked, self.history, self.all, T,
-                self.value, self.velocity, self.acceleration, self.work,
-            )
-        )  # fmt: skip
+        held = int(filter_jerk(asked, self.history, self.all, T, self.motion, self.work))
         self.before = asked
         self.places.append(self.value.copy())
         self.velocities.append(self.velocity.copy())

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from jerk_attacks import JERK_ATTACKS, JerkAttacked
 from setpoint_attacks import N, T
 
-from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
+from hoap3.robot_emulator.filters.jerk_block_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -174,12 +174,12 @@ def test_a_joint_moves_as_it_would_in_another_company(name):
     robots = [JerkAttacked(seed) for seed in range(11)]
     limits = np.ascontiguousarray(np.hstack([robot.all for robot in robots]))
     value = np.hstack([robot.value for robot in robots])
-    history, velocity, acceleration = np.tile(value, (3, 1)), *np.zeros((2, value.size))
+    history, motion = np.tile(value, (3, 1)), np.array([value, *np.zeros((2, value.size))])
     for step in range(300):
         asked = np.hstack([JERK_ATTACKS[name](robot, step) for robot in robots])
-        filter_jerk(asked, history, limits, T, value, velocity, acceleration, np.full(WORK, np.nan))
+        filter_jerk(asked, history, limits, T, motion, np.full(WORK, np.nan))
         for robot, own in zip(robots, np.split(asked, len(robots)), strict=True):
             robot.ask(own)
         alone = [np.hstack([robot.value, robot.acceleration]) for robot in robots]
-        together = np.stack([value, acceleration]).reshape(2, -1, N)
+        together = motion[::2].reshape(2, -1, N)
         np.testing.assert_array_equal(np.hstack([together[0], together[1]]), alone)
