@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from hoap3.protocol.runtime.numba_jit import inlined
 
 ULP = 2.0**-52  # of a double, relative
@@ -59,7 +57,7 @@ def stopping_speed(room: float, acceleration: float, T: float) -> float:
     room = min(room, change * T * (0.5 * MOST_STEPS * MOST_STEPS))
     if not room > 0.0:
         return 0.0
-    steps: float = max(1.0, np.ceil((math.sqrt(1.0 + 8.0 * (room / T / change)) - 1.0) / 2.0))
+    steps = max(1.0, math.ceil((math.sqrt(1.0 + 8.0 * (room / T / change)) - 1.0) / 2.0))
     return (room / T + change * steps * (steps - 1.0) / 2.0) / steps
 
 
