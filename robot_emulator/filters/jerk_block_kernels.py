@@ -46,57 +46,59 @@ PLANNED = 1.0 - 1e-8
 ) = range(END, END + 28 * JOINTS, JOINTS)  # fmt: skip
 """Where rows begin in `work`, after those of the approaches; WORK is its length.
 
-The first twelve are what is given: setpoints, three earlier ones, the motions, and the limits. Then
-come the further fields of `Limits`.
-START, RATE and CHANGE are of the setpoint's own motion; NEXT_Q, NEXT_V and NEXT_A are where
-the joint goes. TAKEN is 1 where that is the setpoint, and FREE where no wall is near; both are
-so for joints without a limit of jerk, which are not moved here.
+The first twelve are what is given: setpoints, those of one, two and three periods ago, the motions,
+and the limits. Then come the further fields of `Limits`: J is finite, JERK may not be.
+
+START, RATE and CHANGE are of the setpoint's own motion, OFFSET is its acceleration in units of the
+approach. NEXT_Q, NEXT_V and NEXT_A are where the joint goes. TAKEN is 1 where that is the setpoint.
+FREE is 1 where no wall is so near that the joint must be looked at by itself. Both are 1 for joints
+without a limit of jerk, which are not moved here.
 """
 
 
 @inlined
 def take_in(
     work: Vector,
-    first: int,
+    begin: int,
     count: int,
     setpoint: Vector,
     history: Matrix,
     limits: Matrix,
     motion: Matrix,
 ) -> None:
-    """Copy what is given of joints from `first` on; as of `filter_jerk`."""
+    """Copy what is given of joints from `begin` on; as of `filter_jerk`."""
     for i in range(count):
-        work[SETPOINT + i] = setpoint[first + i]
-        work[BEFORE + i], work[EARLIER + i] = history[0, first + i], history[1, first + i]
-        work[FIRST + i] = history[2, first + i]
+        work[SETPOINT + i] = setpoint[begin + i]
+        work[BEFORE + i], work[EARLIER + i] = history[0, begin + i], history[1, begin + i]
+        work[FIRST + i] = history[2, begin + i]
     for i in range(count):
-        work[Q + i], work[V + i] = motion[0, first + i], motion[1, first + i]
-        work[A + i] = motion[2, first + i]
+        work[Q + i], work[V + i] = motion[0, begin + i], motion[1, begin + i]
+        work[A + i] = motion[2, begin + i]
     for i in range(count):
-        work[LOWER + i], work[UPPER + i] = limits[0, first + i], limits[1, first + i]
-        work[SPEED + i], work[MOST_A + i] = limits[2, first + i], limits[3, first + i]
-        work[JERK + i] = limits[4, first + i]
+        work[LOWER + i], work[UPPER + i] = limits[0, begin + i], limits[1, begin + i]
+        work[SPEED + i], work[MOST_A + i] = limits[2, begin + i], limits[3, begin + i]
+        work[JERK + i] = limits[4, begin + i]
     for i in range(count, whole(count)):  # no joints, but numbers
         for row in range(SETPOINT, JERK, JOINTS):
             work[row + i] = 1.0
-        work[JERK + i] = math.inf
+        work[JERK + i], work[ANSWER + i] = math.inf, 0.0
 
 
 @inlined
 def hand_out(
     work: Vector,
-    first: int,
+    begin: int,
     count: int,
     history: Matrix,
     motion: Matrix,
 ) -> None:
     """Copy where they go, and let the setpoint become the one before."""
     for i in range(count):
-        history[2, first + i], history[1, first + i] = work[EARLIER + i], work[BEFORE + i]
-        history[0, first + i] = work[SETPOINT + i]
+        history[2, begin + i], history[1, begin + i] = work[EARLIER + i], work[BEFORE + i]
+        history[0, begin + i] = work[SETPOINT + i]
     for i in range(count):
-        motion[0, first + i], motion[1, first + i] = work[NEXT_Q + i], work[NEXT_V + i]
-        motion[2, first + i] = work[NEXT_A + i]
+        motion[0, begin + i], motion[1, begin + i] = work[NEXT_Q + i], work[NEXT_V + i]
+        motion[2, begin + i] = work[NEXT_A + i]
 
 
 @inlined

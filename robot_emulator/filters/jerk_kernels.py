@@ -1,9 +1,8 @@
 """Compiled safety filter of a robot with a limit of jerk: any stream becomes a motion within all.
 
-At each tick a joint has an interval of accelerations: within its greatest one, no farther than JT
-from the last one, such that it can be released before the velocity is too great, and such that the
-joint can brake before its walls (`jerk_limits_kernels`). The interval is never empty, whatever the
-setpoint asks for, and an acceleration of it is taken: docs/jerk.md has the proof.
+At each tick a joint has an interval of accelerations (`jerk_interval_kernels`), which is never
+empty, whatever the setpoint asks for; one of them is taken. Joints are worked out in blocks
+(`jerk_block_kernels`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Browsers whose page is closed, freezes or is killed while it drags: held, stopped, then free.
 
-Twenty of each, with a UR5 whose config stops it a second after the last target. All is counted in
-ticks of the robot, from the log of its controller. How soon a hold comes is printed: it depends on
-the machine. That it comes within the lease, and the robot stops a second after it, do not.
+Twenty of each, with a UR5 whose controller falls silent a second after the last target, and which
+stops after as many ticks without an answer. All is counted in ticks of the robot, from the log of
+its controller. How soon a hold comes is printed: it depends on the machine. It must come before the
+hand is where it was dragged to, and others must be able to steer soon after the lease.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ SILENT_TICKS = 1000  # no machine keeps a controller silent so long: then the ro
 FAR_PIXELS = 30  # some 15 to 20 cm, at most at 0.25 m/s
 STILL_RAD_S = 2e-3  # of every joint: it does not move
 MOVING_RAD = 2e-3  # of a joint: by then it moves
+SOON_TICKS = 500  # what a busy machine may take for what should be at once
 SHORT_M = 0.05  # of where it was dragged to, it is held
 CLOSE_M = 0.01  # to where it was held it stays: it brakes
 STALE = next(kind for kind, name in EVENTS.items() if name == "TARGET_STALE")
@@ -215,7 +217,7 @@ def let_all_go(
 
 
 def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
-    """Each was held within the lease, then stopped as its config says; prints when, in ticks."""
+    """Each was held, then stopped as its config says, and made way; prints when, in ticks."""
     received, states = log.table(Kind.STATE)
     taken, _ = log.table(Kind.TARGET)
     events = log.table(Kind.EVENT)[1]
@@ -234,6 +236,7 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
         stop = stops[np.searchsorted(stops, silent)]
         found.append([int(tick - ticks[begin]) for tick in (hold, ticks[free], silent, stop)])
         short, off = (np.linalg.norm(turn.held - each) for each in (turn.aim, turn.rest))
+        assert 0 <= stop - silent - SILENT_TICKS <= SOON_TICKS
         print(f"{how}: after {found[-1]}; {short:.3f} m short, and {1e3 * off:.1f} mm off at rest")
         assert short > SHORT_M
         assert off < CLOSE_M
@@ -241,7 +244,7 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
         p50, p95 = np.percentile(each, [50, 95])
         spread = f"min {each.min()}, p50 {p50:.0f}, p95 {p95:.0f}, max {each.max()}"
         print(f"{how}: {what} after {spread} ticks, n {each.size}")
-    assert max(each[0] for each in found) <= LEASE_TICKS
+    assert max(each[1] for each in found) <= LEASE_TICKS + SOON_TICKS
 
 
 @pytest.mark.parametrize("how", ["closed", "frozen", "killed"])
