@@ -14,9 +14,9 @@ from hoap3.protocol.robot.jerk.jerk_takeover_kernels import (
     Motion,
     asked_of,
     brakes_in_time,
+    limits_of,
     motion_to,
     plainly_brakes,
-    with_units,
 )
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined
 from hoap3.robot_emulator.filters.jerk_approach_kernels import (
@@ -29,9 +29,9 @@ from hoap3.robot_emulator.filters.jerk_approach_kernels import (
     whole,
 )
 from hoap3.robot_emulator.filters.jerk_interval_kernels import (
+    as_acceleration,
     far_from_walls,
     moved,
-    told,
     within_all,
     within_speed,
 )
@@ -102,7 +102,7 @@ def hand_out(
 
 
 @inlined
-def go(work: Vector, count: int, T: float) -> None:
+def find_motions(work: Vector, count: int, T: float) -> None:
     """Find where each joint goes from what is given."""
     if _go_to_setpoints(work, count, T) < count:
         _ask_approaches(work, count, T)
@@ -121,7 +121,7 @@ def _limits(work: Vector, i: int, T: float) -> Limits:
 
 @inlined
 def _set_limits(work: Vector, i: int, T: float) -> Limits:
-    own = with_units(
+    own = limits_of(
         work[LOWER + i], work[UPPER + i], work[SPEED + i], work[MOST_A + i], work[JERK + i], T
     )
     work[J + i], work[FAST + i], work[N + i] = own.J, own.fast, own.N
@@ -155,7 +155,7 @@ def _go_to_setpoints(work: Vector, count: int, T: float) -> int:
         work[FREE + i] = 1.0 if free else 0.0
     taken = 0
     for i in range(count):
-        if work[TAKEN + i] > work[FREE + i]:
+        if work[TAKEN + i] > work[FREE + i]:  # but for a wall that may be too near
             motion = Motion(work[NEXT_Q + i], work[NEXT_V + i], work[NEXT_A + i])
             work[TAKEN + i] = 1.0 if brakes_in_time(motion, _limits(work, i, T)) else 0.0
         taken += 1 if work[TAKEN + i] > 0.0 else 0
@@ -203,7 +203,7 @@ def _approach(work: Vector, count: int, T: float) -> None:
         own, at = _limits(work, i, T), _at(work, i)
         wanted, goes = _wanted(work, i, own), work[TAKEN + i] > 0.0
         y = within_speed(wanted, at, own)
-        q, v, a = moved(told(y, wanted, at, own), at, own)
+        q, v, a = moved(as_acceleration(y, wanted, at, own), at, own)
         work[FREE + i] = 1.0 if goes | far_from_walls(y, at, own) else 0.0
         work[NEXT_Q + i] = work[NEXT_Q + i] if goes else q
         work[NEXT_V + i] = work[NEXT_V + i] if goes else v

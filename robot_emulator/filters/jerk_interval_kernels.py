@@ -50,8 +50,8 @@ def within_walls(y: float, at: Motion, own: Limits) -> float:
 
 
 @inlined
-def told(y: float, wanted: float, at: Motion, own: Limits) -> float:
-    """A next acceleration y [JT] in [rad/s² or m/s²]: the one wanted, bit by bit, if it is that."""
+def as_acceleration(y: float, wanted: float, at: Motion, own: Limits) -> float:
+    """What y [JT] is in [rad/s² or m/s²], within all: bit by bit the one wanted if it is that."""
     step = own.J * own.T
     a = wanted if y == wanted * own.acceleration else y * step
     return within(a, max(at.a - step, -own.A), min(at.a + step, own.A))
@@ -61,7 +61,7 @@ def told(y: float, wanted: float, at: Motion, own: Limits) -> float:
 def within_all(wanted: float, at: Motion, own: Limits) -> float:
     """The next acceleration nearest to the wanted one that keeps all limits now and later."""
     y = within_speed(wanted, at, own)
-    return told(within_walls(y, at, own), wanted, at, own)
+    return as_acceleration(within_walls(y, at, own), wanted, at, own)
 
 
 @inlined

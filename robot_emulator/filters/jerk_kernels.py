@@ -14,7 +14,14 @@ from hoap3.protocol.robot.jerk.jerk_takeover_kernels import Motion, of_joint
 from hoap3.protocol.robot.setpoint_limits_kernels import JointLimits, stopping_speed, within
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 from hoap3.robot_emulator.filters.jerk_approach_kernels import JOINTS
-from hoap3.robot_emulator.filters.jerk_block_kernels import BEFORE, Q, V, go, hand_out, take_in
+from hoap3.robot_emulator.filters.jerk_block_kernels import (
+    BEFORE,
+    Q,
+    V,
+    find_motions,
+    hand_out,
+    take_in,
+)
 from hoap3.robot_emulator.filters.jerk_interval_kernels import moved, within_all
 from hoap3.robot_emulator.filters.position_kernels import follow_one
 
@@ -51,7 +58,7 @@ def filter_jerk(
     for first in range(0, setpoint.size, JOINTS):
         count = min(JOINTS, setpoint.size - first)
         take_in(work, first, count, setpoint, history, limits, motion)
-        go(work, count, T)
+        find_motions(work, count, T)
         hand_out(work, first, count, history, motion)
         for i in range(first, first + count):
             if not limits[4, i] < math.inf:

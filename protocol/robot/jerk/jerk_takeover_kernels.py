@@ -57,7 +57,7 @@ class Motion(NamedTuple):
 
 
 @inlined
-def with_units(lower: float, upper: float, speed: float, A: float, jerk: float, T: float) -> Limits:
+def limits_of(lower: float, upper: float, speed: float, A: float, jerk: float, T: float) -> Limits:
     """Limits of a joint whose jerk may be inf: without a limit of it."""
     J = jerk if jerk < math.inf else WITHOUT * A / T
     acceleration = 1.0 / (J * T)
@@ -72,7 +72,7 @@ def with_units(lower: float, upper: float, speed: float, A: float, jerk: float, 
 @inlined
 def of_joint(limits: Matrix, i: int, T: float) -> Limits:
     """Column i of (5, n) limits."""
-    return with_units(limits[0, i], limits[1, i], limits[2, i], limits[3, i], limits[4, i], T)
+    return limits_of(limits[0, i], limits[1, i], limits[2, i], limits[3, i], limits[4, i], T)
 
 
 @inlined
