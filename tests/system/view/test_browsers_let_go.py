@@ -38,7 +38,8 @@ SOON_S = 5.0  # after which a page asks again
 LEASE_TICKS = round(1e3 * LEASE_S)
 STALE_TICKS = 1000
 SILENT_TICKS = 1000  # no machine keeps a controller silent so long: then the robot stops
-FAR_PIXELS = 30  # some 15 to 20 cm, at most at 0.25 m/s
+FAR_PIXELS = 30  # some 15 to 20 cm
+SPEED_M_S = 0.1  # at most, so that it takes well over a second
 STILL_RAD_S = 2e-3  # of every joint: it does not move
 MOVING_RAD = 2e-3  # of a joint: by then it moves
 SOON_TICKS = 500  # what a busy machine may take for what should be at once
@@ -250,8 +251,9 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
 @pytest.mark.parametrize("how", ["closed", "frozen", "killed"])
 def test_twenty_pages_that_go_are_held_and_stopped_and_make_way(how, tmp_path):
     at, target = endpoint(), "parameters.tasks.0.parameters.target"
-    stale = (f"{target}.stale_after_s={1e-3 * STALE_TICKS}", f"{target}.when_stale=stop")
-    law = (*(word for each in stale for word in ("--set", each)), "--out", tmp_path)
+    changes = {"speed_m_s": SPEED_M_S, "stale_after_s": 1e-3 * STALE_TICKS, "when_stale": "stop"}
+    words = (("--set", f"{target}.{key}={value}") for key, value in changes.items())
+    law = (*(word for pair in words for word in pair), "--out", tmp_path)
     with (
         viewed_arm(at, law, ("--set", f"misses_to_stop={SILENT_TICKS}")) as (command, viewer),
         hoap3.connect(ROBOT, at) as robot,
