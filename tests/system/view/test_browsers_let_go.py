@@ -225,7 +225,8 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
     silences = events["tick"][events["kind"] == STALE]
     ticks = states["tick"]
     sent = ticks[np.searchsorted(received, taken) - 1] + 1  # of the States that are answered by it
-    stops = ticks[1:][np.diff((states["mode"] == State.STOPPED).astype(int)) > 0]
+    active = states["mode"] == State.ACTIVE  # its stop may be between two States that came
+    stops = ticks[1:][active[:-1] & ~active[1:]]
     found = list[list[int]]()
     for turn in turns:
         begin, free = np.searchsorted(states["stamp_published"], [turn.gone_ns, turn.free_ns])

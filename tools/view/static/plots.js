@@ -6,6 +6,7 @@ import { make, write } from "./panels.js";
 
 const WINDOW_S = 10;
 const HEIGHT = 104; // px
+const SMALLEST = 1e-20; // that a logarithmic axis shows: below some 1e-25 uPlot looks for its ticks for seconds
 const TITLES = { "V rate": "dV/dt", rtt: "Answers, as seen here" }; // of groups; else their names
 const EACH_MS = 100; // between two redraws: text and curves ten times a second are enough
 
@@ -19,7 +20,10 @@ export function short(value) {
 
 /** Bounds of an axis: round ones, and some where there is one value alone, or none. */
 function bounds(logarithmic, least, greatest) {
-  if (logarithmic) return least === null ? [1e-3, 1] : uPlot.rangeLog(least, greatest, 10, true);
+  if (logarithmic) {
+    const [low, high] = least === null ? [1e-3, 1] : [least, greatest].map((each) => Math.max(each, SMALLEST));
+    return uPlot.rangeLog(low, high, 10, true);
+  }
   if (least === null) return [-1, 1];
   if (least < greatest) return uPlot.rangeNum(least, greatest, 0.1, true);
   const around = Math.abs(least) > 1e-9 ? Math.abs(least) / 2 : 1;

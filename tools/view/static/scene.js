@@ -31,6 +31,7 @@ export class Stage {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "img");
     this.canvas.setAttribute("aria-label", "The robot in 3-D; arrows move the view, with Ctrl they turn it");
+    this.canvas.addEventListener("dragstart", (event) => event.preventDefault()); // of what was selected: it ends ours
     box.append(this.canvas);
 
     const sun = new DirectionalLight(0xffffff, 1.6);

@@ -100,6 +100,18 @@ def test_a_drag_sends_targets_and_letting_go_drops_them(steer, name):
         assert np.abs(np.delete(moved, 0)).max() < 1e-6
 
 
+def test_a_drag_goes_on_where_the_whole_page_was_selected(steer):
+    """What is selected would be dragged and dropped by the browser, which cancels the pointer."""
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        page.keyboard.press("Control+a")
+        grab(page, "hand")
+        page.wait_for_timeout(300)  # several beats
+        assert "drop" not in view.verbs()
+        page.mouse.up()
+        wait_for(page, view, "drop")
+
+
 @pytest.mark.long  # it needs the machine for itself
 def test_a_page_that_steers_says_20_times_a_second_that_it_lives(steer):
     with made_up_view() as view:

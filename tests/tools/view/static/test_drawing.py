@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -111,6 +112,26 @@ def test_an_old_picture_says_so_and_a_new_one_takes_that_back(open_page):
         page.wait_for_selector("#banner:not([hidden])")
         page.wait_for_selector("#banner", state="hidden")  # it has connected again
         page.wait_for_function("() => hoap3.proved")
+
+
+@pytest.mark.parametrize("least", [1e-20, 1e-29, 1e-45, 5e-324])
+def test_a_robot_that_rests_holds_up_no_page(open_page, least):
+    """Of a robot at rest V becomes as small as a number can, and others differ in the last bit."""
+
+    def resting(tick):
+        v = max(0.01 * 0.5**tick, least)
+        near_one = 1.0 - (tick % 32) * 1e-16 / 16
+        values = {"v": v, "error": math.sqrt(2.0 * v), "is": -v, "must": v, "margin": near_one}
+        return frame(tick, values=values)
+
+    with made_up_view(frames=resting) as view:
+        page = open_page(view)
+        page.wait_for_function("() => hoap3.drawn.length > 60")
+        page.wait_for_function(
+            "least => Number(document.querySelector('figure[data-group=V] output').textContent)"
+            " < 2 * least + 1e-320",
+            arg=least,
+        )
 
 
 def test_a_robot_that_says_nothing_to_a_page_that_has_just_come_is_called_silent(open_page):
