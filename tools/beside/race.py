@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import statistics
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, NamedTuple
 
 from scipy.stats import t
 
-from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.runtime.realtime import claim_cpu
+from hoap3.remote_controller.config import ControllerConfig
+from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.processes import Child
+from hoap3.tools.services.placement import placed
 from hoap3.tools.services.run import run_realtime
 from hoap3.tools.services.services import controller_config, emulator_config
 
@@ -36,6 +41,7 @@ def race(
     report: Callable[[int, int], None],
     *,
     realtime: bool = True,
+    apart: bool = False,
 ) -> dict[str, Any]:
     """Pairs of runs, one with it and one without; which of them comes first changes by turns.
 
@@ -46,23 +52,79 @@ def race(
         seconds: of each run [s].
         report: takes how many runs are done, of how many.
         realtime: whether services pin and ask for priority.
+        apart: whether it is kept off the loops' CPU, which is one for both then.
 
     Returns:
         `rows`, a figure of each run; `added`, what it adds to misses outside stalls and to the
-        RTT; `did`, what the processes beside did.
+        RTT; `did`, what the processes beside did; `cpus`, of the `loops` (none where they are not
+        pinned) and of what was `beside` them.
 
     Raises:
+        UsageError: it cannot be kept apart.
         Hoap3Error: a run failed, or what runs beside it did.
     """
     rows, did = [], []
-    for number in range(2 * pairs):
-        pair, second = divmod(number, 2)
-        there = bool(second) != bool(pair % 2)
-        figures, done = _run(module if there else None, order, seconds, realtime=realtime)
-        rows.append({"pair": pair, "beside": there, **figures})
-        did += [done] if done else []
-        report(number + 1, 2 * pairs)
-    return {"rows": rows, "added": added(rows), "did": did}
+    with ExitStack() as stack:
+        robot = _placed(stack, realtime=realtime, apart=apart)
+        cpus = {"loops": robot.cpus, "beside": os.sched_getaffinity(0)}
+        if apart:
+            cpus["beside"] = _others(cpus["beside"], cpus["loops"])
+        for number in range(2 * pairs):
+            pair, second = divmod(number, 2)
+            there = bool(second) != bool(pair % 2)
+            figures, done = _run(robot, module if there else None, order, cpus["beside"], seconds)
+            rows.append({"pair": pair, "beside": there, **figures})
+            did += [done] if done else []
+            report(number + 1, 2 * pairs)
+    listed = {which: sorted(those) for which, those in cpus.items()}
+    return {"rows": rows, "added": added(rows), "did": did, "cpus": listed}
+
+
+class _Robot(NamedTuple):
+    """Both services as they run each time, and the CPUs that they are pinned to."""
+
+    emulator: EmulatorConfig
+    law: ControllerConfig
+    files: tuple[str, str]
+    cpus: set[int]
+
+
+def _placed(stack: ExitStack, *, realtime: bool, apart: bool) -> _Robot:
+    """Both, with CPUs that are theirs until the stack ends; on one, where others are to be left."""
+    unlogged = ["log.record=false"]
+    law, law_file = controller_config(LAW, unlogged, realtime=realtime)
+    emulator, file = emulator_config(ROBOT, unlogged, realtime=realtime)
+    if apart and realtime:
+        claim = claim_cpu()
+        if claim is None:
+            raise UsageError("--apart: every CPU is claimed by another run. Wait until it ends")
+        claims = [claim]
+        ours, theirs = (
+            side.realtime.model_copy(update={"cpu": claim.cpu}) for side in (emulator, law)
+        )
+    else:
+        ours, theirs, claims = placed(emulator.realtime, law.realtime, lambda _: None)
+    for each in claims:
+        stack.callback(each.release)
+    return _Robot(
+        emulator.model_copy(update={"realtime": ours}),
+        law.model_copy(update={"realtime": theirs}),
+        (file, law_file),
+        {side.cpu for side in (ours, theirs) if isinstance(side.cpu, int)},
+    )
+
+
+def _others(allowed: set[int], loops: set[int]) -> set[int]:
+    """CPUs that the loops have not.
+
+    Raises:
+        UsageError: there are none, or the loops have none of their own.
+    """
+    if not loops:
+        raise UsageError("--apart needs loops with a CPU of their own: leave out --no-realtime")
+    if not allowed - loops:
+        raise UsageError("--apart: no CPU is left beside that of the loops. Allow another one")
+    return allowed - loops
 
 
 def added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -100,24 +162,26 @@ def _bound(differences: Sequence[float]) -> dict[str, float]:
 
 
 def _run(
-    module: str | None, order: Mapping[str, Any], seconds: float, *, realtime: bool
+    robot: _Robot, module: str | None, order: Mapping[str, Any], cpus: set[int], seconds: float
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Figures of one run, and what the process beside it did, which is there before it begins."""
-    unlogged = ["log.record=false"]
-    law, law_file = controller_config(LAW, unlogged, realtime=realtime)
-    emulator, file = emulator_config(ROBOT, unlogged, realtime=realtime)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     links = {"listen": (endpoint,)}, {"connect": (endpoint,), "kind": "zenoh"}
     done: dict[str, Any] = {}
     with ExitStack() as stack:
         if module:
             told = json.dumps({**order, "robot": ROBOT, "endpoint": endpoint})
-            child = Child([module], told, stdout=subprocess.PIPE)
+            ours = os.sched_getaffinity(0)
+            os.sched_setaffinity(0, cpus)  # which the child inherits
+            try:
+                child = Child([module], told, stdout=subprocess.PIPE)
+            finally:
+                os.sched_setaffinity(0, ours)
             stack.callback(child.end, END_S)
             if child.stdout is None or child.stdout.readline() != READY:
                 raise Hoap3Error(f"{module} ended at its start")
         summary = run_realtime(
-            emulator, law, seconds, None, lambda _: None, (file, law_file), links=links
+            robot.emulator, robot.law, seconds, None, lambda _: None, robot.files, links=links
         )
         if module:
             child.cut()

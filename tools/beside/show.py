@@ -18,6 +18,8 @@ def show_race(raced: dict[str, Any]) -> None:
     for row in raced["rows"]:
         table.add_row(*(_cell(row[name]) for name in COLUMNS))
     results.print(table)
+    loops, beside = (", ".join(map(str, raced["cpus"][side])) for side in ("loops", "beside"))
+    results.print(f"loops on CPU {loops or 'any'}; what ran beside them on CPU {beside}")
     for what in sorted(raced["did"][0].keys() - {"failed"}):
         counts = [each[what] for each in raced["did"]]
         results.print(f"{what} of a run: {min(counts)} to {max(counts)}")

@@ -232,6 +232,9 @@ def bench_clients(
     rate: Annotated[
         float, typer.Option(min=1.0, max=1000.0, help="Of what each reads and sends [Hz].")
     ] = 60.0,
+    apart: Annotated[
+        bool, typer.Option("--apart", help="Keep clients off the CPUs of the robot's loops.")
+    ] = False,
     pairs: Pairs = 10,
     seconds: Seconds = 60.0,
     as_json: AsJson = False,
@@ -241,7 +244,8 @@ def bench_clients(
     from hoap3.tools.beside.race import CLIENTS
 
     order = {"count": count, "rate_hz": rate}
-    _race("clients", CLIENTS, order, (pairs, seconds), realtime=not no_realtime, as_json=as_json)
+    runs = pairs, seconds
+    _race("clients", CLIENTS, order, runs, realtime=not no_realtime, as_json=as_json, apart=apart)
 
 
 @bench_app.command("view")
@@ -289,6 +293,7 @@ def _race(
     *,
     realtime: bool,
     as_json: bool,
+    apart: bool = False,
 ) -> None:
     """Race a module, so many pairs of so many seconds, and print what came of it."""
     from hoap3.tools.beside.race import race
@@ -296,7 +301,7 @@ def _race(
 
     machine = _begin()
     with progress(f"bench {name}") as meter:
-        raced = race(module, order, *runs, meter.part, realtime=realtime)
+        raced = race(module, order, *runs, meter.part, realtime=realtime, apart=apart)
     if not as_json:
         show_race(raced)
     _end(as_json, raced, machine, {})

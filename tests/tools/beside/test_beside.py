@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 from support.command_bench import hoap3
 
-from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.tools.beside.race import added, race
 
 SHARES = st.lists(
@@ -54,6 +54,88 @@ def test_a_run_that_nobody_answered_has_no_rtt_to_compare():
     assert added(rows)["rtt_p99_ratio"] == 1.0
     rows[2]["rtt_p99_us"] = None
     assert added(rows)["rtt_p99_ratio"] is None
+
+
+RUN = {
+    "ticks": 100, "skipped": 0, "misses": {"late": 0, "lost": 0}, "misses_outside_stalls": 0,
+    "rtt_us": {}, "safe_stops": 0,
+}  # fmt: skip
+LOOKS_ON = """
+import json, os
+from hoap3.tools.machine.processes import Lifeline, read_order
+lifeline, order = Lifeline(), read_order()
+print("ready", flush=True)
+lifeline.cut(None)
+print(json.dumps({"failed": [], "cpus": sorted(os.sched_getaffinity(0))}))
+"""
+
+
+class Stage:
+    """Stands in for placement and for runs: what was asked of both.
+
+    Attributes:
+        cpu: that is given, or None.
+        run_on: CPUs of robot and controller, a pair a run.
+        held: whether the CPU is claimed.
+    """
+
+    def __init__(self, monkeypatch, cpu):
+        self.cpu, self.run_on, self.held = cpu, [], 0
+        monkeypatch.setattr("hoap3.tools.beside.race.placed", self.placed)
+        monkeypatch.setattr("hoap3.tools.beside.race.claim_cpu", self.claim)
+        monkeypatch.setattr("hoap3.tools.beside.race.run_realtime", self.run)
+
+    def claim(self):
+        self.held += self.cpu is not None
+        return None if self.cpu is None else self
+
+    def placed(self, robot, controller, _report):
+        sides = [side.model_copy(update={"cpu": self.cpu}) for side in (robot, controller)]
+        return *sides, [self.claim()]
+
+    def release(self):
+        self.held -= 1
+
+    def run(self, emulator, law, *_, **__):
+        assert self.held == 1
+        self.run_on.append((emulator.realtime.cpu, law.realtime.cpu))
+        return RUN
+
+
+@pytest.fixture
+def looks_on(tmp_path, monkeypatch):
+    """A module that runs beside, and tells its CPUs."""
+    (tmp_path / "looks_on.py").write_text(LOOKS_ON)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    return "looks_on"
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_what_runs_beside_has_all_cpus_or_those_that_the_loops_have_not(
+    looks_on, monkeypatch, apart
+):
+    *others, last = cpus = sorted(os.sched_getaffinity(0))
+    if not others:
+        pytest.fail("two CPUs are needed")
+    stage = Stage(monkeypatch, last)
+    told = race(looks_on, {}, 2, 0.5, lambda *_: None, apart=apart)
+    assert stage.run_on == [(last, last)] * 4
+    assert stage.held == 0
+    beside = others if apart else cpus
+    assert told["cpus"] == {"loops": [last], "beside": beside}
+    assert [each["cpus"] for each in told["did"]] == [beside] * 2
+    assert sorted(os.sched_getaffinity(0)) == cpus
+
+
+@pytest.mark.parametrize(
+    ("cpu", "allowed", "realtime"), [(1, {1}, True), (None, {0, 1}, True), (1, {0, 1}, False)]
+)
+def test_what_cannot_be_kept_apart_is_refused(looks_on, monkeypatch, cpu, allowed, realtime):
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: allowed)
+    stage = Stage(monkeypatch, cpu if realtime else "none")
+    with pytest.raises(UsageError):
+        race(looks_on, {}, 2, 0.5, lambda *_: None, apart=True, realtime=realtime)
+    assert (stage.run_on, stage.held) == ([], 0)
 
 
 @pytest.mark.slow

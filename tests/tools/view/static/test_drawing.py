@@ -119,7 +119,7 @@ def test_a_robot_that_rests_holds_up_no_page(open_page, least):
     """Of a robot at rest V becomes as small as a number can, and others differ in the last bit."""
 
     def resting(tick):
-        v = max(0.01 * 0.5**tick, least)
+        v = max(0.5 ** (tick / 4), least)
         near_one = 1.0 - (tick % 32) * 1e-16 / 16
         values = {"v": v, "error": math.sqrt(2.0 * v), "is": -v, "must": v, "margin": near_one}
         return frame(tick, values=values)
