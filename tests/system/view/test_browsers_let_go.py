@@ -238,7 +238,8 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
         stop = stops[np.searchsorted(stops, silent)]
         found.append([int(tick - ticks[begin]) for tick in (hold, ticks[free], silent, stop)])
         short, off = (np.linalg.norm(turn.held - each) for each in (turn.aim, turn.rest))
-        assert 0 <= stop - silent - SILENT_TICKS <= SOON_TICKS
+        # Answers just before may have been late: then the row of misses began sooner.
+        assert abs(int(stop) - int(silent) - SILENT_TICKS) <= SOON_TICKS
         print(f"{how}: after {found[-1]}; {short:.3f} m short, and {1e3 * off:.1f} mm off at rest")
         assert short > SHORT_M
         assert off < CLOSE_M

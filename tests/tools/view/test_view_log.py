@@ -435,3 +435,19 @@ def test_of_a_log_that_asks_for_no_answer_it_is_said_where_seconds_begin(asked, 
         assert bool(source.hello()["notes"]) == (not asked)
     finally:
         source.close()
+
+
+def test_the_pass_waits_while_somebody_looks_for_a_place(log, monkeypatch):
+    monkeypatch.setattr("hoap3.tools.view.sources.log_overview.LOOK_S", 3600.0)
+    source = LogSource([log])
+    try:
+        assert source.overview.join(60.0)
+        indexed, seen = source.first.log, []
+        monkeypatch.setattr(indexed, "records", lambda chunk, keep: seen.append(chunk) or [])
+        monkeypatch.setattr(source, "overview", Overview(indexed, BEGIN))
+        source.player().seek(1.0)
+        source.overview.start()
+        assert not source.overview.join(0.3)
+    finally:
+        source.close()
+    assert seen == [0]

@@ -27,6 +27,7 @@ BINS = 600  # of each curve
 WORST = 10  # ticks that are named
 EVENTS = 500  # that are named; of more the first
 APART_S = 0.05  # between two ticks that are named
+LOOK_S = 0.3  # for which it waits where somebody looks for a place
 REST = 0.5  # time that others get, as a share of what a chunk took
 NEWS_S = 1.0  # until it first tells while it goes on; each time after twice as long as before
 _NONE = Setpoint.schema.constants["STATUS_NONE"]
@@ -55,6 +56,7 @@ class Overview:
         self._missed = -1
         self._misses: list[tuple[float, str]] = []
         self._lock, self._closing = threading.Lock(), threading.Event()
+        self._waits_s = 0.0  # until when
         self._thread = threading.Thread(target=self._run, name="overview", daemon=True)
         self.done, self.version = False, 0
 
@@ -67,6 +69,10 @@ class Overview:
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
+
+    def give_way(self) -> None:
+        """Wait for a while: somebody looks for a place, and shall not wait for us."""
+        self._waits_s = time.monotonic() + LOOK_S
 
     def join(self, timeout_s: float) -> bool:
         """Wait until all was seen; whether it was."""
@@ -108,6 +114,9 @@ class Overview:
                 self.version += 1
             if self._closing.wait(REST * (now - began)):
                 return
+            while (left_s := self._waits_s - time.monotonic()) > 0.0:
+                if self._closing.wait(left_s):
+                    return
         self.done = True
         self.version += 1
 

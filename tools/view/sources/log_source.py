@@ -193,6 +193,7 @@ class LogPlayer:
 
     def seek(self, at_s: float) -> None:
         """Go to a time [s]."""
+        self._source.overview.give_way()
         self._clock.go(at_s)
 
     def play(self, speed: float) -> None:
