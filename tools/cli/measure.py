@@ -233,7 +233,7 @@ def bench_clients(
         float, typer.Option(min=1.0, max=1000.0, help="Of what each reads and sends [Hz].")
     ] = 60.0,
     apart: Annotated[
-        bool, typer.Option("--apart", help="Keep clients off the CPUs of the robot's loops.")
+        bool, typer.Option("--apart", help="Both loops on one CPU, clients on the others.")
     ] = False,
     pairs: Pairs = 10,
     seconds: Seconds = 60.0,

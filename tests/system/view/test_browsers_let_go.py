@@ -43,6 +43,7 @@ SPEED_M_S = 0.1  # at most, so that it takes well over a second
 STILL_RAD_S = 2e-3  # of every joint: it does not move
 MOVING_RAD = 2e-3  # of a joint: by then it moves
 SOON_TICKS = 500  # what a busy machine may take for what should be at once
+LATE_TICKS = 10  # answers just before the silence, which were late: the row of misses began there
 SHORT_M = 0.05  # of where it was dragged to, it is held
 CLOSE_M = 0.01  # to where it was held it stays: it brakes
 STALE = next(kind for kind, name in EVENTS.items() if name == "TARGET_STALE")
@@ -218,7 +219,10 @@ def let_all_go(
 
 
 def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
-    """Each was held, then stopped as its config says, and made way; prints when, in ticks."""
+    """Each was held, then stopped as its config says, and made way; prints when, in ticks.
+
+    A robot counts as stopped from when it begins to stop.
+    """
     received, states = log.table(Kind.STATE)
     taken, _ = log.table(Kind.TARGET)
     events = log.table(Kind.EVENT)[1]
@@ -238,8 +242,7 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
         stop = stops[np.searchsorted(stops, silent)]
         found.append([int(tick - ticks[begin]) for tick in (hold, ticks[free], silent, stop)])
         short, off = (np.linalg.norm(turn.held - each) for each in (turn.aim, turn.rest))
-        # Answers just before may have been late: then the row of misses began sooner.
-        assert abs(int(stop) - int(silent) - SILENT_TICKS) <= SOON_TICKS
+        assert -LATE_TICKS <= int(stop) - int(silent) - SILENT_TICKS <= SOON_TICKS
         print(f"{how}: after {found[-1]}; {short:.3f} m short, and {1e3 * off:.1f} mm off at rest")
         assert short > SHORT_M
         assert off < CLOSE_M
