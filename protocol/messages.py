@@ -13,9 +13,9 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from importlib import resources
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -28,12 +28,13 @@ WIRE_VERSION = 2
 CDR_HEADER = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
 MAX_JOINTS = 128
 MAX_ELEMENTS = 1024  # of an array
+LAYOUTS = 64  # that are kept: peers may send messages of any lengths
 SCALAR_FORMATS = {"uint32": "I", "uint64": "Q", "int64": "q", "float64": "d"}
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[\])?\s+(?P<name>[a-z]\w*)\s*(?:#.*)?$")
 _CONSTANT = re.compile(r"^\w+\s+(?P<name>[A-Z]\w*)=(?P<value>-?\d+)\s*(?:#.*)?$")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Schema:
     """One `.msg` file: its text, its scalars in order, then its arrays in order."""
 
@@ -148,6 +149,38 @@ def schema(name: str, folder: str = "") -> Schema:
     return Schema(name, text, scalars, tuple(arrays), constants)
 
 
+class _Layout(NamedTuple):
+    """Of a message whose arrays have certain lengths.
+
+    Attributes:
+        empty: the buffer of one that is all zeros; the CDR header ends its first word.
+        arrays: places of each array's elements in it.
+        frame, expected: what is the same in all such messages, and what it is.
+    """
+
+    empty: FloatArray
+    arrays: dict[str, slice]
+    frame: struct.Struct
+    expected: tuple[Any, ...]
+
+
+@lru_cache(maxsize=LAYOUTS)
+def _layout(schema: Schema, lengths: tuple[int, ...]) -> _Layout:
+    """The layout of a message; `lengths` are those of all arrays, in their order."""
+    places, end = schema.offsets(dict(zip(schema.arrays, lengths, strict=True)))
+    empty = np.zeros(1 + -(-end // 8))
+    payload = empty.data.cast("B")[8 - len(CDR_HEADER) : 8 + end]
+    struct.pack_into("<4sI", payload, 0, CDR_HEADER, schema.version)
+    arrays, frame, at = {}, "<4sI", 4
+    for (name, place), count in zip(places.items(), lengths, strict=True):
+        struct.pack_into("<I", payload, len(CDR_HEADER) + place, count)
+        frame, at = f"{frame}{place - at}xI", place + 4
+        first = (8 + _first_element(place, count)) // 8
+        arrays[name] = slice(first, first + count)
+    whole = struct.Struct(f"{frame}{end - at}x")
+    return _Layout(empty, arrays, whole, whole.unpack(payload))
+
+
 class Message(ctypes.LittleEndianStructure):
     """A message in one preallocated, writable buffer, aligned for float64.
 
@@ -162,8 +195,7 @@ class Message(ctypes.LittleEndianStructure):
     wire_version: int
     _words: FloatArray
     _bytes: memoryview
-    _frame: struct.Struct
-    _expected: tuple[Any, ...]
+    _layout: _Layout
 
     @classmethod
     def allocate(cls, **lengths: int) -> Self:
@@ -174,24 +206,18 @@ class Message(ctypes.LittleEndianStructure):
         """
         if unknown := lengths.keys() - set(cls.schema.arrays):
             raise TypeError(f"{cls.schema.name} has no array {', '.join(sorted(unknown))}")
-        lengths = {name: lengths.get(name, 0) for name in cls.schema.arrays}
-        places, end = cls.schema.offsets(lengths)
-        words = np.zeros(1 + -(-end // 8))
+        layout = _layout(cls.schema, tuple(lengths.get(name, 0) for name in cls.schema.arrays))
+        return cls._over(layout.empty.copy(), layout)
+
+    @classmethod
+    def _over(cls, words: FloatArray, layout: _Layout) -> Self:
+        """The message that `words` are the buffer of."""
         whole = words.data.cast("B")
         message = cls.from_buffer(whole, 8)  # so that both scalars and arrays are aligned
-        message._words = words
-        message._bytes = whole[8 - len(CDR_HEADER) : 8 + end]
-        message._bytes[: len(CDR_HEADER)] = CDR_HEADER
-        message.wire_version = cls.schema.version
-        frame, at = "<4sI", 4
-        for name, place in places.items():
-            count = lengths[name]
-            struct.pack_into("<I", message._bytes, len(CDR_HEADER) + place, count)
-            frame, at = f"{frame}{place - at}xI", place + 4
-            first = (8 + _first_element(place, count)) // 8
-            setattr(message, name, words[first : first + count])
-        message._frame = struct.Struct(f"{frame}{end - at}x")  # what is the same in all of them
-        message._expected = message._frame.unpack(message._bytes)
+        message._words, message._layout = words, layout
+        message._bytes = whole[8 - len(CDR_HEADER) : 8 - len(CDR_HEADER) + layout.frame.size]
+        for name, place in layout.arrays.items():
+            setattr(message, name, words[place])
         return message
 
     def __init__(self, *_: int, **__: int) -> None:  # done; ctypes would take them for scalars
@@ -214,11 +240,12 @@ class Message(ctypes.LittleEndianStructure):
     @property
     def size(self) -> int:
         """Bytes on the wire, CDR header included."""
-        return self._frame.size
+        return self._layout.frame.size
 
     def load(self, payload: bytes) -> None:
         """Take the content of `payload`. The message is unchanged where that fails."""
-        if len(payload) != self._frame.size or self._frame.unpack(payload) != self._expected:
+        layout = self._layout
+        if len(payload) != layout.frame.size or layout.frame.unpack(payload) != layout.expected:
             raise self._refusal(payload)
         self._bytes[:] = payload
 
@@ -226,16 +253,20 @@ class Message(ctypes.LittleEndianStructure):
         """The message as bytes for the wire or the log."""
         return self._bytes.tobytes()
 
+    def copy(self) -> Self:
+        """Another message of the same content, in a buffer of its own."""
+        return self._over(self._words.copy(), self._layout)
+
     def _refusal(self, payload: bytes) -> WireError:
-        name, size = self.schema.name, self._frame.size
+        name, size, expected = self.schema.name, self.size, self._layout.expected
         if len(payload) != size:
             return WireError("size", f"{name}: {len(payload)} bytes where {size} are expected")
-        header, version, *counts = self._frame.unpack(payload)
-        if header != CDR_HEADER or counts != list(self._expected[2:]):
+        header, version, *counts = self._layout.frame.unpack(payload)
+        if header != CDR_HEADER or counts != list(expected[2:]):
             return WireError(
                 "layout",
                 f"{name}: header {header.hex()} and arrays of {counts} elements where "
-                f"{CDR_HEADER.hex()} and {list(self._expected[2:])} are expected",
+                f"{CDR_HEADER.hex()} and {list(expected[2:])} are expected",
             )
         spoken = self.schema.version
         return WireError("wire_version", f"{name}: wire version {version} where {spoken} is spoken")
@@ -353,11 +384,10 @@ class Setpoint(Message):
         return cls.allocate(values=joints, extra=extra, **arrays)
 
     @classmethod
-    def allocate(cls, **lengths: int) -> Self:
-        """A message of zeros whose arrays have these lengths; others are empty."""
-        message = super().allocate(**lengths)
+    def _over(cls, words: FloatArray, layout: _Layout) -> Self:
+        message = super()._over(words, layout)
         first, last = ((8 + getattr(cls, name).offset) // 8 for name in ("v", "kkt_residual"))
-        message.certificate = message._words[first : last + 1]
+        message.certificate = words[first : last + 1]
         return message
 
 

@@ -65,6 +65,25 @@ def test_the_certificate_is_a_view_of_its_six_scalars():
     names = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual")
     assert Setpoint.scalars(setpoint.dump(), *names) == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     assert [getattr(setpoint, name) for name in names] == setpoint.certificate.tolist()
+    other = setpoint.copy()
+    other.certificate[:] = 0.0
+    assert (other.rho, setpoint.rho) == (0.0, 4.0)
+
+
+@KINDS
+def test_a_copy_says_the_same_and_no_more_once_either_changes(kind):
+    message = numbered(kind)
+    before = message.dump()
+    copied = message.copy()
+    assert copied.dump() == before
+    for name in message.schema.scalars:
+        setattr(message, name, 0)
+    for name in message.schema.arrays:
+        getattr(message, name)[:] = 0.0
+    assert copied.dump() == before
+    copied.load(before)
+    fresh = type(message).allocate(**message.lengths)
+    assert not any(np.any(getattr(fresh, name)) for name in message.schema.arrays)
 
 
 def test_the_constants_of_the_classes_are_those_of_the_schemas():

@@ -170,7 +170,7 @@ class Connection:
         """
         if not self._look() and not self._has_state:
             self._wait(timeout_s)
-        return self._copy()
+        return self._last.copy()
 
     def states(self, timeout_s: float = 2.0) -> Iterator[State]:
         """Each State as it comes; where they come faster than they are taken, the newest.
@@ -180,7 +180,7 @@ class Connection:
         """
         while True:
             self._wait(timeout_s)
-            yield self._copy()
+            yield self._last.copy()
 
     def events(self, timeout_s: float = 2.0) -> Iterator[dict[str, Any]]:
         """What happens to the robot, from the first call on; ends where nothing does for so long.
@@ -496,11 +496,6 @@ class Connection:
                     "before this version sends only to `connect(…, every_tick=True)`"
                 )
             time.sleep(LOOK_S)
-
-    def _copy(self) -> State:
-        state = State.allocate(**self.description.state_lengths)
-        state.load(self._last.dump())
-        return state
 
     def _next(self, subscriber: Any, timeout_s: float) -> bytes | None:
         until = time.monotonic() + timeout_s
