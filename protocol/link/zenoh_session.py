@@ -130,7 +130,11 @@ def open_session(settings: LinkSettings, robot: str = "", *, stamps: bool = Fals
             ) from error
         reason = text.partition(" at /")[0]  # without the place in Zenoh's source
         raise LinkError(f"{key}: cannot open {endpoints}: {reason}. Correct {key}") from error
-    session.info.declare_link_events_listener(_forbid_lingering, history=True)
+    # A thread of its own lists the sockets of a robot, whose data go on meanwhile. Not of a client:
+    # Python would wait for that thread at its end, for ever where nobody closes the session.
+    apart = settings.mode != "client"
+    told = zenoh.handlers.Callback(_forbid_lingering, indirect=apart)
+    session.info.declare_link_events_listener(told, history=True)
     return session
 
 
@@ -150,7 +154,7 @@ def certified_peers(session: zenoh.Session) -> set[str]:
 
 
 def _forbid_lingering(event: zenoh.LinkEvent) -> None:
-    """For each new link, in a thread of Zenoh's."""
+    """For each new link."""
     if event.kind == zenoh.SampleKind.PUT:
         forbid_lingering()
 

@@ -43,6 +43,12 @@ with hoap3.connect("ur5", sys.argv[1]) as robot:
     print("steers", flush=True)
     time.sleep(600)
 """
+FORGETFUL = """
+import sys, hoap3
+robot = hoap3.connect("ur5", sys.argv[1])
+robot.acquire()
+robot.state(), next(robot.states()), next(robot.events(0.0), None)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -208,6 +214,12 @@ def test_an_operator_that_is_killed_or_freezes_makes_way(number, steered, at):
                 print(f"{number.name}: {robot.state().tick - since} ticks until the next steers")
         finally:
             holder.kill()
+
+
+def test_a_script_that_forgets_to_close_ends_and_makes_way(steered, at):
+    subprocess.run([sys.executable, "-c", FORGETFUL, at], check=True, timeout=60.0)
+    with hoap3.connect(ROBOT, at) as robot:
+        patiently(robot.acquire)
 
 
 def test_a_stop_and_a_recovery_by_somebody_who_does_not_steer(steered, at):
