@@ -10,12 +10,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-import typer
 from mkdocs.structure.files import File, Files
 
 import hoap3
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.tools.cli.app import app
+from hoap3.tools.cli.app import command_line
 from hoap3.tools.services.config_keys import FAMILIES, SIDES, config_keys
 
 HOUSE = Path(__file__).resolve().parents[2]
@@ -82,7 +81,7 @@ def commands() -> str:
         context = command.context_class(command, info_name=name)
         parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```")
 
-    below(typer.main.get_command(app), "hoap3")
+    below(command_line(), "hoap3")
     return "\n\n".join(parts)
 
 

@@ -15,10 +15,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import patch
 
-import typer
 from pages import Block, blocks
 
-from hoap3.tools.cli.app import app, main
+from hoap3.tools.cli.app import command_line, main
 from hoap3.tools.cli.options import with_secure
 from hoap3.tools.compare.candidates import read_candidates
 from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
@@ -144,7 +143,7 @@ def check(command: str) -> None:
     """
     words = shlex.split(command)
     assert words[0] == "hoap3", command
-    parser, name, rest = typer.main.get_command(app), "hoap3", words[1:]
+    parser, name, rest = command_line(), "hoap3", words[1:]
     while hasattr(parser, "commands") and rest and not rest[0].startswith("-"):
         assert rest[0] in parser.commands, f"{command}: no command {rest[0]!r}"
         parser, name, rest = parser.commands[rest[0]], rest[0], rest[1:]
@@ -176,4 +175,4 @@ def subcommands() -> Iterator[str]:
             else:
                 yield path + name
 
-    return below(typer.main.get_command(app), "")
+    return below(command_line(), "")

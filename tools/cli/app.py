@@ -10,6 +10,7 @@ import io
 import os
 import sys
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
@@ -540,6 +541,12 @@ def _show_warning(
         _show_by_python(message, category, filename, lineno, file, line)
 
 
+@cache
+def command_line() -> Any:
+    """`hoap3` as click knows it; made once, as that takes some 65 ms."""
+    return typer.main.get_command(app)
+
+
 def main() -> None:
     """Entry point of `hoap3`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
@@ -549,7 +556,7 @@ def main() -> None:
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="replace")
         die_with_parent()
-        app()
+        command_line()()
     except KeyboardInterrupt:
         sys.exit(1)
     except Hoap3Error as error:
