@@ -254,8 +254,10 @@ class Message(ctypes.LittleEndianStructure):
         return self._bytes.tobytes()
 
     def copy(self) -> Self:
-        """Another message of the same content, in a buffer of its own."""
-        return self._over(self._words.copy(), self._layout)
+        """Another message of the same content, whatever another thread loads meanwhile."""
+        other = self._over(self._layout.empty.copy(), self._layout)
+        other._bytes[:] = self._bytes
+        return other
 
     def _refusal(self, payload: bytes) -> WireError:
         name, size, expected = self.schema.name, self.size, self._layout.expected

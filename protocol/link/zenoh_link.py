@@ -98,7 +98,7 @@ class ZenohRobotLink:
         self._local: LocalControl | None = None
         self._sampling = Sampling()
         self._to_show: deque[bytes] = deque(maxlen=1)
-        self._session = session = open_session(settings, robot)
+        self._session = session = open_session(settings, robot, loops=True)
         self._guard = Guard(session, settings.secure, report) if settings.secure else None
         try:
             if is_alive(session, robot):
@@ -316,7 +316,7 @@ class ZenohControllerLink:
         self._declared: list[Any] = []  # what is for one version of the wire
         self._sampling = Sampling()
         self._give_way = _way_to_sender()
-        self._session = session = open_session(settings, robot)
+        self._session = session = open_session(settings, robot, loops=True)
         self._answers = _Answers()
         try:
             session.info.declare_link_events_listener(self._link_changed, history=True)

@@ -68,13 +68,17 @@ def session_name(settings: LinkSettings, rest: str) -> str:
     return read_credentials(settings.secure).session_name(rest) if settings.secure else rest
 
 
-def open_session(settings: LinkSettings, robot: str = "", *, stamps: bool = False) -> zenoh.Session:
+def open_session(
+    settings: LinkSettings, robot: str = "", *, stamps: bool = False, loops: bool = False
+) -> zenoh.Session:
     """A session that listens, connects and discovers exactly what the settings say.
 
     Args:
         settings: see above.
         robot: the robot that it belongs to, or is for; "" for any, of those who ask who is there.
         stamps: whether messages get a time stamp of Zenoh's, as ROS 2 wants them.
+        loops: whether a loop runs over it, which must not wait while new links are seen to. A
+            thread sees to them, and Python does not end until such a session is closed.
 
     Raises:
         PortInUseError: somebody listens on one of the endpoints.
@@ -130,10 +134,7 @@ def open_session(settings: LinkSettings, robot: str = "", *, stamps: bool = Fals
             ) from error
         reason = text.partition(" at /")[0]  # without the place in Zenoh's source
         raise LinkError(f"{key}: cannot open {endpoints}: {reason}. Correct {key}") from error
-    # A thread of its own lists the sockets of a robot, whose data go on meanwhile. Not of a client:
-    # Python would wait for that thread at its end, for ever where nobody closes the session.
-    apart = settings.mode != "client"
-    told = zenoh.handlers.Callback(_forbid_lingering, indirect=apart)
+    told = zenoh.handlers.Callback(_forbid_lingering, indirect=loops)
     session.info.declare_link_events_listener(told, history=True)
     return session
 

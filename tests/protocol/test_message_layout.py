@@ -71,7 +71,7 @@ def test_the_certificate_is_a_view_of_its_six_scalars():
 
 
 @KINDS
-def test_a_copy_says_the_same_and_no_more_once_either_changes(kind):
+def test_a_copy_says_the_same_whatever_becomes_of_the_other(kind):
     message = numbered(kind)
     before = message.dump()
     copied = message.copy()
@@ -81,9 +81,17 @@ def test_a_copy_says_the_same_and_no_more_once_either_changes(kind):
     for name in message.schema.arrays:
         getattr(message, name)[:] = 0.0
     assert copied.dump() == before
+    assert message.dump() != before
     copied.load(before)
-    fresh = type(message).allocate(**message.lengths)
-    assert not any(np.any(getattr(fresh, name)) for name in message.schema.arrays)
+
+
+@KINDS
+def test_a_new_message_has_nothing_of_one_before(kind):
+    lengths = MAKERS[kind](5).lengths
+    empty = type(MAKERS[kind](5)).allocate(**lengths).dump()
+    before = numbered(kind, 5)
+    assert before.lengths == lengths
+    assert type(before).allocate(**lengths).dump() == empty != before.dump()
 
 
 def test_the_constants_of_the_classes_are_those_of_the_schemas():

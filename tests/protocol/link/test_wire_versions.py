@@ -97,7 +97,7 @@ def test_a_robot_may_have_the_name_of_a_key(network, name):
 def test_a_question_that_a_flood_pushed_out_is_no_sign_of_version_1(network):
     _, controller = network.pair()
     client = old_client(network, network.endpoint)
-    question = controller._session, "arm", "description", "test", b"", PATIENCE_S
+    question = controller._session, "arm", "description", "test", b"", 2.0 * PATIENCE_S
     answer = network.start(ask_versions, *question)
 
     def answered_in_a_flood() -> bool:  # as the question may come after the first ones
