@@ -9,7 +9,10 @@ from rich.table import Table
 from hoap3.tools.beside.race import CONFIDENCE
 from hoap3.tools.show.output import results
 
-COLUMNS = ("pair", "beside", "ticks", "missed", "missed_outside", "rtt_p50_us", "rtt_p99_us")
+COLUMNS = (
+    *("pair", "beside", "ticks", "missed", "missed_outside", "rtt_p50_us", "rtt_p99_us"),
+    "safe_stops",
+)
 
 
 def show_race(raced: dict[str, Any]) -> None:
@@ -31,6 +34,12 @@ def show_race(raced: dict[str, Any]) -> None:
             if found is None
             else f"added misses, {words}: {found['mean']:.1e}, at most {found['upper']:.1e} "
             f"({CONFIDENCE:.0%}, one-sided; {added['pairs']} pairs)"
+        )
+    stopped = [row["beside"] for row in raced["rows"] if row["safe_stops"]]
+    if stopped:
+        results.print(
+            f"the robot stopped in {stopped.count(False)} runs without and {stopped.count(True)} "
+            "with it. These are shorter and count as much, so the means and bounds above say little"
         )
     ratio = added["rtt_p99_ratio"]
     if ratio is not None:

@@ -14,6 +14,7 @@ from support.command_bench import hoap3
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.tools.beside.race import added, race
+from hoap3.tools.beside.show import show_race
 
 SHARES = st.lists(
     st.tuples(*(st.floats(0.0, 0.1).map(lambda x: round(x, 5)) for _ in range(2))),
@@ -54,6 +55,32 @@ def test_a_run_that_nobody_answered_has_no_rtt_to_compare():
     assert added(rows)["rtt_p99_ratio"] == 1.0
     rows[2]["rtt_p99_us"] = None
     assert added(rows)["rtt_p99_ratio"] is None
+
+
+def shown(capsys: pytest.CaptureFixture[str], stops: int) -> list[list[str]]:
+    """Words of each line that is shown of two pairs, in one of whose runs the robot stopped."""
+    rows = [
+        {**row, "ticks": 4321, "rtt_p50_us": None, "safe_stops": 0}
+        for row in runs([(0.0125, 0.025), (0.0, 0.0)])
+    ]
+    rows[0]["safe_stops"] = stops
+    cpus = {"loops": [], "beside": [0, 1]}
+    did = [{"states": 7, "failed": []}, {"states": 9, "failed": []}]
+    show_race({"rows": rows, "added": added(rows), "did": did, "cpus": cpus})
+    return [line.split() for line in capsys.readouterr().out.splitlines()]
+
+
+def test_each_run_is_a_row_and_one_that_stopped_is_told(capsys):
+    stopped, whole = shown(capsys, 1), shown(capsys, 0)
+    heads, *rows = whole[:5]
+    assert [dict(zip(heads, row, strict=True))["missed"] for row in rows] == [
+        "0.00000",
+        "0.00000",
+        "0.01250",
+        "0.02500",
+    ]
+    assert [row[heads.index("safe_stops")] for row in stopped[1:5]] == ["1", "0", "0", "0"]
+    assert len(stopped) == len(whole) + 1
 
 
 RUN = {
