@@ -64,13 +64,13 @@ def pairs(suite: ControllerProperties) -> list[Value]:
 
 
 def postures(suite: ControllerProperties) -> list[Value]:
-    """Every posture of every case's robot to start from; all but the first are slow.
+    """Every posture of every case's robot to start from; all but the first of a law's are slow.
 
     One that may fall starts in its own: it need not stand in others.
     """
     return [
         Value((case, posture), f"{case.label}-{posture}", "slow" if place else each.weight)
-        for each in every(suite)
+        for each in of_each_law(suite)
         for case in each.given
         for place, posture in enumerate(case.robot.postures)
         if place == 0 or not case.robot.state_arrays.get("base")

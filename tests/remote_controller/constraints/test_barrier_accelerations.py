@@ -264,7 +264,7 @@ def test_fixed_rows_are_what_the_frame_accelerates_by(name, seed):
     np.testing.assert_allclose(np.diff(errors, 2, axis=0)[0] / 1e-8, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("axes", [("rz",), ("x", "ry"), AXES])
+@pytest.mark.parametrize("axes", [pytest.param(("rz",), marks=pytest.mark.slow), ("x", "ry"), AXES])
 @pytest.mark.parametrize("eta", [2.0, pytest.param(20.0, marks=pytest.mark.slow), 600.0])
 def test_a_fixed_frame_drifts_no_further_than_is_stated(axes, eta):
     """Also where it turns freely about the other axes, and long after its start."""

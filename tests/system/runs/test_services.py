@@ -88,6 +88,7 @@ def assert_stop_latches_until_recover(robot: Command, law: Command, at: str) -> 
     assert inside("recover", "--connect", at).code == 1  # nothing was latched
 
 
+@pytest.mark.slow
 def test_the_name_of_a_client_does_not_steer_the_terminal(robot: Command, at: str) -> None:
     name = "\x1b]0;mine\x07\x1b[2J"
     link = ZenohControllerLink("hoap3", LinkSettings(connect=(at,)), name)

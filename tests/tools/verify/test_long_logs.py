@@ -27,6 +27,11 @@ RUNS = {
 SHORT_S, LONG_S = 2, 12
 
 
+def slow(value: int) -> Any:
+    """A case that seldom finds what the others do not."""
+    return pytest.param(value, marks=pytest.mark.slow)
+
+
 @pytest.fixture(scope="module", params=RUNS)
 def story(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("story") / "run"
@@ -43,7 +48,7 @@ def in_parts(path: Path, part: int, monkeypatch: pytest.MonkeyPatch) -> dict[str
     return found
 
 
-@pytest.mark.parametrize("part", [1, 7, 100, 299])
+@pytest.mark.parametrize("part", [*map(slow, (1, 7)), 100, slow(299)])
 def test_parts_of_any_size_come_to_the_same(
     story: Path, part: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -53,8 +58,8 @@ def test_parts_of_any_size_come_to_the_same(
     assert in_parts(story, part, monkeypatch) == whole
 
 
-@pytest.mark.parametrize("part", [1, 7, 100])
-@pytest.mark.parametrize("place", [0, 1, 98, 99, 100, 101, 102, 298])
+@pytest.mark.parametrize("part", [*map(slow, (1, 7)), 100])
+@pytest.mark.parametrize("place", [0, slow(1), slow(98), 99, 100, 101, slow(102), 298])
 def test_what_is_false_is_found_beside_the_edge_of_a_part(
     story: Path, part: int, place: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

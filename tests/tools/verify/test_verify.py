@@ -62,7 +62,10 @@ def test_a_true_log_is_true(robot: str, controller: str, tmp_path: Path) -> None
     assert found.verdict == "true"
 
 
-@pytest.mark.parametrize("controller", ["qp12", "pinv", "osqp"])
+@pytest.mark.parametrize(
+    "controller",
+    ["qp12", *(pytest.param(name, marks=pytest.mark.slow) for name in ("pinv", "osqp"))],
+)
 def test_a_robot_that_all_but_rests_at_its_target_is_no_false_alarm(
     controller: str, tmp_path: Path
 ) -> None:
