@@ -6,6 +6,7 @@ The protocol: https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
 from __future__ import annotations
 
 import json
+import re
 import struct
 from collections.abc import Callable
 from typing import Any, Self
@@ -129,3 +130,13 @@ class FoxgloveClient:
                     self.messages.pop(topic, None)
             case "status":
                 self.status.append(content["message"])
+                self._look_again(content["message"])
+
+    def _look_again(self, status: str) -> None:
+        """Subscribe once more to a channel that is there, but that the server did not know yet.
+
+        foxglove-sdk 0.30.3 tells of a new channel before it takes subscriptions to it.
+        """
+        if (unknown := re.search(r"Unknown channel ID: (\d+)", status)) is not None:
+            number = int(unknown[1])
+            self.look_at([each for each in self.channels.values() if each["id"] == number])
