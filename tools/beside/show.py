@@ -9,10 +9,7 @@ from rich.table import Table
 from hoap3.tools.beside.race import CONFIDENCE
 from hoap3.tools.show.output import results
 
-COLUMNS = (
-    *("pair", "beside", "ticks", "missed", "missed_outside", "rtt_p50_us", "rtt_p99_us"),
-    "safe_stops",
-)
+COLUMNS = "pair beside ticks missed missed_outside rtt_p50_us rtt_p99_us safe_stops".split()
 
 
 def show_race(raced: dict[str, Any]) -> None:
