@@ -9,7 +9,9 @@ from rich.table import Table
 from hoap3.tools.beside.race import CONFIDENCE
 from hoap3.tools.show.output import results
 
-COLUMNS = "pair beside ticks missed missed_outside rtt_p50_us rtt_p99_us safe_stops".split()
+RUN = ("pair", "beside", "ticks", "safe_stops")
+FIGURES = ("missed", "missed_outside", "rtt_p50_us", "rtt_p99_us")
+COLUMNS = RUN + FIGURES
 
 
 def show_race(raced: dict[str, Any]) -> None:
