@@ -88,7 +88,7 @@ class Story:
         self._installed = True
 
     def _run(self, command: str) -> int:
-        words = shlex.split(command)
+        words = shlex.split(command, comments=True)
         paths = [str(self._folder)] if self._installed else []
         while match := _ASSIGNMENT.fullmatch(words[0]):
             paths.append(str(self._folder / match[1]))
@@ -141,7 +141,7 @@ def check(command: str) -> None:
     Raises:
         click.UsageError, Hoap3Error: it would be refused.
     """
-    words = shlex.split(command)
+    words = shlex.split(command, comments=True)
     assert words[0] == "hoap3", command
     parser, name, rest = command_line(), "hoap3", words[1:]
     while hasattr(parser, "commands") and rest and not rest[0].startswith("-"):
