@@ -4,6 +4,9 @@ Twenty of each, with a UR5 whose controller falls silent a second after the last
 stops after as many ticks without an answer. All is counted in ticks of the robot, from the log of
 its controller. How soon a hold comes is printed: it depends on the machine. It must come before the
 hand is where it was dragged to, and others must be able to steer soon after the lease.
+
+A browser that is asked to close a page lets it live on until it has drawn, and the page says so
+meanwhile. The time from its last message is printed, too.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -56,12 +60,14 @@ class Turn:
 
     Attributes:
         moving_ns, gone_ns, free_ns: when the robot moved, the page went, and the next one steered.
+        said_ns: when it said something last, or `gone_ns` where that was before.
         aim, held: where the page dragged the hand to, and where it was told to stay then.
         rest: where the hand was when the robot had stopped.
     """
 
     moving_ns: int
     gone_ns: int
+    said_ns: int
     free_ns: int
     aim: FloatArray
     held: FloatArray
@@ -104,14 +110,19 @@ def gone(seen: Any, how: str, pages: Sequence[int], all_: Sequence[int]) -> Iter
         seen.wait_for_selector("#steer[aria-pressed=false]")
 
 
-def opened(browser: Any, view: tuple[str, str]) -> Any:
-    """A page that may steer."""
+def opened(browser: Any, view: tuple[str, str]) -> tuple[Any, deque[int]]:
+    """A page that may steer, and when it has sent its last message [ns]: its browser says so."""
     host, token = view
     seen = browser.new_page(viewport=VIEWPORT, device_scale_factor=0.25)
     seen.set_default_timeout(1e3 * PATIENCE_S)
+    said, session = deque[int](maxlen=1), seen.context.new_cdp_session(seen)
+    session.send("Network.enable")
+    session.on(  # its clock is the monotonic one
+        "Network.webSocketFrameSent", lambda told: said.append(round(1e9 * told["timestamp"]))
+    )
     seen.goto(f"http://{host}/#{token}")
     seen.wait_for_function("() => window.hoap3?.drawn.length > 3 && hoap3.proved")
-    return seen
+    return seen, said
 
 
 def follow(robot: Connection) -> None:
@@ -168,13 +179,18 @@ def pull(seen: Any, targets: Targets, robot: Connection) -> int | None:
 
 
 def let_go(
-    seen: Any, how: str, view: tuple[str, str], targets: Targets, robot: Connection
+    opened_: tuple[Any, deque[int]],
+    how: str,
+    view: tuple[str, str],
+    targets: Targets,
+    robot: Connection,
 ) -> Turn | None:
     """Have a page drag and go, the next one steer, and the robot stop and recover.
 
     Returns:
         None where the page was held just before it went.
     """
+    seen, said = opened_
     browser = seen.context.browser
     pages, all_ = processes(browser, "renderer"), processes(browser)
     for _ in range(TRIES):
@@ -196,7 +212,8 @@ def let_go(
         np.testing.assert_array_equal(values, holds[0][1])
     if holds[0][0] < begin:
         return None
-    return Turn(moving, begin, free, targets.sent[count - 1][1], holds[0][1], rest)
+    last = max(begin, said[-1]) if how == "closed" else begin
+    return Turn(moving, begin, last, free, targets.sent[count - 1][1], holds[0][1], rest)
 
 
 def let_all_go(
@@ -204,15 +221,15 @@ def let_all_go(
 ) -> Iterator[Turn]:
     """Turn after turn; a page and a browser as long as they last."""
     with ExitStack() as stack:
-        browser = seen = None
+        browser = page_ = None
         for _ in range(TRIES):
             browser = browser or stack.enter_context(chromium())
-            seen = seen or opened(browser, view)
-            turn = let_go(seen, how, view, targets, robot)
+            page_ = page_ or opened(browser, view)
+            turn = let_go(page_, how, view, targets, robot)
             if turn is not None:
                 yield turn
             if how != "frozen":
-                seen = None
+                page_ = None
             if how == "killed":
                 browser = None
                 stack.close()
@@ -233,7 +250,8 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
     stops = ticks[1:][active[:-1] & ~active[1:]]
     found = list[list[int]]()
     for turn in turns:
-        begin, free = np.searchsorted(states["stamp_published"], [turn.gone_ns, turn.free_ns])
+        stamps = [turn.gone_ns, turn.said_ns, turn.free_ns]
+        begin, last, free = np.searchsorted(states["stamp_published"], stamps)
         hold = sent[np.searchsorted(taken, turn.moving_ns)]
         silent = silences[np.searchsorted(silences, hold)]
         due = sent[np.searchsorted(sent, silent) - 1] + STALE_TICKS  # of the last that was sent
@@ -241,12 +259,14 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
         assert silent in ticks[first : first + 2]  # rounded
         stop = stops[np.searchsorted(stops, silent)]
         found.append([int(tick - ticks[begin]) for tick in (hold, ticks[free], silent, stop)])
+        found[-1].append(int(hold - ticks[last]))
         short, off = (np.linalg.norm(turn.held - each) for each in (turn.aim, turn.rest))
         assert -LATE_TICKS <= int(stop) - int(silent) - SILENT_TICKS <= SOON_TICKS
         print(f"{how}: after {found[-1]}; {short:.3f} m short, and {1e3 * off:.1f} mm off at rest")
         assert short > SHORT_M
         assert off < CLOSE_M
-    for what, each in zip(("held", "free", "silent", "stopped"), np.transpose(found), strict=True):
+    whats = "held", "free", "silent", "stopped", "held, from its last message on,"
+    for what, each in zip(whats, np.transpose(found), strict=True):
         p50, p95 = np.percentile(each, [50, 95])
         spread = f"min {each.min()}, p50 {p50:.0f}, p95 {p95:.0f}, max {each.max()}"
         print(f"{how}: {what} after {spread} ticks, n {each.size}")
