@@ -39,6 +39,7 @@ from hoap3.protocol.link.zenoh_session import (
     SPEAKS,
     ask_in,
     ask_versions,
+    event_publisher,
     fast_publisher,
     is_alive,
     key,
@@ -112,7 +113,7 @@ class ZenohRobotLink:
             self._sampled = session.declare_publisher(
                 sampled_key(robot, f"state/{WIRE_VERSION}"), express=True
             )
-            self._events = session.declare_publisher(key(robot, "events"), express=True)
+            self._events = event_publisher(session, key(robot, "events"))
             self._speaks = session.liveliness().declare_token(key(robot, SPEAKS))  # before queries
             self._queries = Queries(session, robot)
             self._clients = Clients(session, robot)

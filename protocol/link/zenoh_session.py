@@ -41,6 +41,7 @@ QUERY_TIMEOUT_S = 2.0
 SPEAKS = f"speaks/{WIRE_VERSION}"  # token of a robot that speaks the version of today
 CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
 DROP_US = 100
+EVENTS_AT_ONCE = 16  # that wait for one link, the most that Zenoh has room for; the rest is lost
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
 
 
@@ -94,6 +95,7 @@ def open_session(
         "drop": {"wait_before_drop": DROP_US},
         "block": {"wait_before_close": CLOSE_US},
     }
+    queue = {"congestion_control": congestion, "size": {"data_high": EVENTS_AT_ONCE}}
     config = {
         "mode": settings.mode,
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -108,7 +110,7 @@ def open_session(
             "shared_memory": {"enabled": False},
             "unicast": accept_limits(),
             "link": {
-                "tx": {"lease": settings.lease_ms, "queue": {"congestion_control": congestion}},
+                "tx": {"lease": settings.lease_ms, "queue": queue},
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
                 **({} if secure is None else secure.link()),
             },
@@ -250,6 +252,11 @@ def is_alive(session: zenoh.Session, robot: str, leaf: str = "alive") -> bool:
     """Whether a robot of that name holds its liveliness token, or the one called `leaf`."""
     replies = session.liveliness().get(key(robot, leaf), timeout=0.5)
     return any(reply.ok is not None for reply in replies)
+
+
+def event_publisher(session: zenoh.Session, expression: str) -> zenoh.Publisher:
+    """Publisher whose samples wait for nothing but the loops' own, and for each other."""
+    return session.declare_publisher(expression, express=True, priority=zenoh.Priority.DATA_HIGH)
 
 
 def fast_publisher(session: zenoh.Session, expression: str, blocking: bool) -> zenoh.Publisher:

@@ -12,7 +12,7 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
 
@@ -488,22 +488,29 @@ class Connection:
 
     def _wait(self, timeout_s: float) -> None:
         """Until a State has come."""
-        until = time.monotonic() + timeout_s
-        while not self._look():
-            if time.monotonic() > until:
-                raise LinkError(
-                    f"no State of robot {self.robot!r} came within {timeout_s:g} s. A robot of "
-                    "before this version sends only to `connect(…, every_tick=True)`"
-                )
-            time.sleep(LOOK_S)
+        if not _found(self._look, timeout_s):
+            raise LinkError(
+                f"no State of robot {self.robot!r} came within {timeout_s:g} s. A robot of "
+                "before this version sends only to `connect(…, every_tick=True)`"
+            )
 
     def _next(self, subscriber: Any, timeout_s: float) -> bytes | None:
-        until = time.monotonic() + timeout_s
-        while (sample := subscriber.try_recv()) is None:
-            if time.monotonic() > until:
-                return None
-            time.sleep(LOOK_S)
-        return bytes(sample.payload.to_bytes())
+        sample = _found(subscriber.try_recv, timeout_s)
+        return None if sample is None else bytes(sample.payload.to_bytes())
+
+
+def _found(look: Callable[[], Any], timeout_s: float) -> Any:
+    """What a look finds, once it finds something, or after so long.
+
+    The last look is after that: this process may have been stopped meanwhile.
+    """
+    until = time.monotonic() + timeout_s
+    while True:
+        over = time.monotonic() > until
+        found = look()
+        if found or over:
+            return found
+        time.sleep(LOOK_S)
 
 
 class AsyncConnection:

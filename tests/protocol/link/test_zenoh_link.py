@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -31,8 +32,10 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
 from hoap3.protocol.link import zenoh_link
 from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.link.zenoh_link import FRESH_S, OTHERS, ZenohControllerLink, ZenohRobotLink
 from hoap3.protocol.link.zenoh_session import (
+    EVENTS_AT_ONCE,
     alive_robots,
     ask_in,
     fast_publisher,
@@ -44,6 +47,20 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.wire_versions import downgraded, upgraded
 
 HERE = Path(__file__).parent
+LISTENER = """
+import sys, zenoh
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_session import key, open_session
+
+session = open_session(LinkSettings(connect=(sys.argv[1],)))
+everything = session.declare_subscriber(key("arm", "**"), zenoh.handlers.RingChannel(1))
+events = session.declare_subscriber(key("arm", "events"), zenoh.handlers.RingChannel(256))
+print("ready", flush=True)
+while (event := events.recv().payload.to_string()) != "last":
+    print(event)
+session.close()
+"""
+FULL_BYTES = 16 << 20  # more than the kernel keeps for who does not read
 
 
 @pytest.fixture
@@ -478,6 +495,27 @@ def test_who_looks_on_gets_one_message_of_sixteen_ticks(network, side):
             message.load(sample.payload.to_bytes())
             assert message.tick == tick
     assert seen.try_recv() is None
+
+
+def test_events_of_one_moment_come_where_the_network_takes_nothing_for_a_while(network):
+    """A stop, what it ends and its rest may be of one tick. Others' messages take all room."""
+    endpoint = free_endpoint()
+    robot = network.robot(listen=(endpoint,))
+    child = subprocess.Popen([sys.executable, "-c", LISTENER, endpoint], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"ready\n"
+    eventually(lambda: robot._events.matching_status.matching, "the subscription")
+    events = [*map(str, range(EVENTS_AT_ONCE - 1)), "last"]
+    child.send_signal(signal.SIGSTOP)
+    for _ in range(FULL_BYTES // MAX_REQUEST_BYTES):
+        robot._sampled.put(bytes(MAX_REQUEST_BYTES))
+    for event in events:
+        robot.announce(event.encode())
+    child.send_signal(signal.SIGCONT)
+    try:
+        told, _ = child.communicate(timeout=PATIENCE_S)
+    finally:
+        child.kill()
+    assert told.decode().split() == events[:-1]
 
 
 def test_who_looks_on_gets_a_state_once_it_is_answered_or_with_the_next(network):

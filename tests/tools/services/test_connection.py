@@ -19,6 +19,7 @@ from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireEr
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.messages import Event, Target
+from hoap3.tools.services import connection
 from hoap3.tools.services.connection import Connection
 
 ROBOT = arm().name
@@ -94,6 +95,25 @@ def test_events_come_to_asyncio_and_the_loop_goes_on(network: Network) -> None:
     (found,) = asyncio.run(story())
     assert (found["event"], found["tick"]) == ("RECOVERED", 5)
     assert threading.get_ident() not in network.looked
+
+
+def test_what_came_while_the_process_was_stopped_is_not_missed(
+    network: Network, robot: Connection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clock of its own, which goes on by an hour between two looks."""
+    event = Event()
+    event.kind = Event.schema.constants["AT_REST"]
+    payload = event.dump()
+    now = 0.0
+
+    def stopped(_: float) -> None:
+        nonlocal now
+        now += 3600.0
+        network.samples = [SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))]
+
+    clock = SimpleNamespace(monotonic=lambda: now, sleep=stopped)
+    monkeypatch.setattr(connection, "time", clock)
+    assert next(robot.events(timeout_s=1.0))["event"] == "AT_REST"
 
 
 @pytest.mark.parametrize(
