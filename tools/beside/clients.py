@@ -55,7 +55,7 @@ class Clients:
                     connection.acquire(PATIENCE_S)
                 began = due = time.monotonic()
                 while not self._ended.is_set():
-                    time.sleep(max(0.0, due - time.monotonic()))  # costs less than to wait for an event
+                    time.sleep(max(0.0, due - time.monotonic()))  # cheaper than an event's wait
                     due += self._period_s
                     connection.state()
                     states += 1

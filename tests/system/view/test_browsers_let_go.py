@@ -2,8 +2,9 @@
 
 Twenty of each, with a UR5 whose controller falls silent a second after the last target, and which
 stops after as many ticks without an answer. All is counted in ticks of the robot, from the log of
-its controller. How soon a hold comes is printed: it depends on the machine. It must come before the
-hand is where it was dragged to, and others must be able to steer soon after the lease.
+its controller: a busy one may see neither a stop nor what follows it, but hears of it. How soon a
+hold comes is printed: it depends on the machine. It must come before the hand is where it was
+dragged to, and others must be able to steer soon after the lease.
 
 A browser that is asked to close a page lets it live on until it has drawn, and the page says so
 meanwhile. The time from its last message is printed, too.
@@ -50,7 +51,10 @@ SOON_TICKS = 500  # what a busy machine may take for what should be at once
 LATE_TICKS = 10  # answers just before the silence, which were late: the row of misses began there
 SHORT_M = 0.05  # of where it was dragged to, it is held
 CLOSE_M = 0.01  # to where it was held it stays: it brakes
-STALE = next(kind for kind, name in EVENTS.items() if name == "TARGET_STALE")
+STALE, STOP = (
+    next(kind for kind, name in EVENTS.items() if name == wanted)
+    for wanted in ("TARGET_STALE", "SAFE_STOP")
+)
 VIEWPORT = {"width": 640, "height": 480}
 
 
@@ -246,8 +250,7 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
     silences = events["tick"][events["kind"] == STALE]
     ticks = states["tick"]
     sent = ticks[np.searchsorted(received, taken) - 1] + 1  # of the States that are answered by it
-    active = states["mode"] == State.ACTIVE  # its stop may be between two States that came
-    stops = ticks[1:][active[:-1] & ~active[1:]]
+    stops = events["tick"][events["kind"] == STOP]
     found = list[list[int]]()
     for turn in turns:
         stamps = [turn.gone_ns, turn.said_ns, turn.free_ns]

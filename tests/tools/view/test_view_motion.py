@@ -82,14 +82,14 @@ def test_what_is_dragged_is_sent_once_and_the_newest_alone(motion):
     assert motion.step(100.04) == {}
 
 
-def test_silence_of_more_than_150_ms_holds_what_moves(motion, state):
+def test_silence_of_more_than_120_ms_holds_what_moves(motion, state):
     motion.drag("hand", [0.4, 0.5, 0.6], 100.0)
     motion.step(100.0)
     for now in np.arange(100.02, 101.0, 0.02):
         motion.beat(now)
         assert motion.step(now) == {}
-    assert motion.step(now + 0.149) == {}
-    held = motion.step(now + 0.151)
+    assert motion.step(now + 0.119) == {}
+    held = motion.step(now + 0.121)
     assert np.allclose(held["hand"], place(state)[:3], atol=1e-9)
     assert motion.step(now + 0.3) == {}
     assert not motion.moves

@@ -2,7 +2,7 @@
 
 import { hmac } from "./hmac.js";
 
-const BEAT_MS = 50;
+const BEAT_MS = 25;
 const AGAIN_MS = 1000;
 const LOOKS = new Set(["recover", "change", "acquire"]); // say which picture they were asked at
 
@@ -110,7 +110,7 @@ export class Connection extends EventTarget {
     if (answer) this.questions.set(id, answer);
   }
 
-  /** Says each 50 ms that the page is alive, while it steers. */
+  /** Says each 25 ms that the page is alive, while it steers. */
   beat(on) {
     if (on === this.beating) return;
     this.beating = on && this.proved;

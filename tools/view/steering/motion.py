@@ -1,6 +1,6 @@
 """What a page's hand moves, and when it has to stop: no network and no clock in it.
 
-While something moves, a page says every 50 ms that it lives. Where it does not for 150 ms, all that
+While something moves, a page says every 25 ms that it lives. Where it does not for 120 ms, all that
 it moved is held; after 2 s it steers no longer.
 """
 
@@ -25,7 +25,7 @@ from hoap3.tools.view.steering.hold import (
     rotation_vector,
 )
 
-SILENT_S = 0.15  # without a sign of life, after which what moves is held
+SILENT_S = 0.12  # without a sign of life, after which what moves is held
 LEASE_S = 2.0  # and after which the page steers no longer
 DRIVE_S = 0.15  # how long a velocity counts
 LEAD_S = 0.5  # by how much a target that is driven may be ahead of the robot, at full speed

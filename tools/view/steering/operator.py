@@ -23,7 +23,7 @@ from hoap3.tools.view.steering.motion import Motion
 
 TICK_S = 0.02  # between two looks at what moves
 SETTLE_S = 0.2  # between a hold and a release: targets and questions come on different ways
-AGAIN_S = 0.05  # after which a hold that the controller has not got is sent again
+AGAIN_S = 0.03  # after which a hold that the controller has not got is sent again
 HOLD_S = 1.5  # and for how long: within the lease
 COUNT_S = 1.0  # between two questions what was refused
 Told = Callable[[dict[str, Any]], None]
