@@ -261,8 +261,8 @@ def judge(log: Log, how: str, turns: Sequence[Turn]) -> None:
         first = np.searchsorted(ticks, due)
         assert silent in ticks[first : first + 2]  # rounded
         stop = stops[np.searchsorted(stops, silent)]
-        found.append([int(tick - ticks[begin]) for tick in (hold, ticks[free], silent, stop)])
-        found[-1].append(int(hold - ticks[last]))
+        found.append([int(tick) - int(ticks[begin]) for tick in (hold, ticks[free], silent, stop)])
+        found[-1].append(int(hold) - int(ticks[last]))
         short, off = (np.linalg.norm(turn.held - each) for each in (turn.aim, turn.rest))
         assert -LATE_TICKS <= int(stop) - int(silent) - SILENT_TICKS <= SOON_TICKS
         print(f"{how}: after {found[-1]}; {short:.3f} m short, and {1e3 * off:.1f} mm off at rest")
