@@ -41,8 +41,8 @@ QUERY_TIMEOUT_S = 2.0
 SPEAKS = f"speaks/{WIRE_VERSION}"  # token of a robot that speaks the version of today
 CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
 DROP_US = 100
-EVENTS_AT_ONCE = 16  # that wait for one link, the most that Zenoh has room for; the rest is lost
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
+EVENTS_AT_ONCE = 16  # that wait for one link, the most that Zenoh has room for; the rest is lost
 
 
 def key(robot: str, leaf: str) -> str:

@@ -501,20 +501,21 @@ def test_events_of_one_moment_come_where_the_network_takes_nothing_for_a_while(n
     """A stop, what it ends and its rest may be of one tick. Others' messages take all room."""
     endpoint = free_endpoint()
     robot = network.robot(listen=(endpoint,))
-    child = subprocess.Popen([sys.executable, "-c", LISTENER, endpoint], stdout=subprocess.PIPE)
-    assert child.stdout.readline() == b"ready\n"
-    eventually(lambda: robot._events.matching_status.matching, "the subscription")
     events = [*map(str, range(EVENTS_AT_ONCE - 1)), "last"]
-    child.send_signal(signal.SIGSTOP)
-    for _ in range(FULL_BYTES // MAX_REQUEST_BYTES):
-        robot._sampled.put(bytes(MAX_REQUEST_BYTES))
-    for event in events:
-        robot.announce(event.encode())
-    child.send_signal(signal.SIGCONT)
+    child = subprocess.Popen([sys.executable, "-c", LISTENER, endpoint], stdout=subprocess.PIPE)
     try:
+        assert child.stdout.readline() == b"ready\n"
+        eventually(lambda: robot._events.matching_status.matching, "the subscription")
+        child.send_signal(signal.SIGSTOP)
+        for _ in range(FULL_BYTES // MAX_REQUEST_BYTES):
+            robot._sampled.put(bytes(MAX_REQUEST_BYTES))
+        for event in events:
+            robot.announce(event.encode())
+        child.send_signal(signal.SIGCONT)
         told, _ = child.communicate(timeout=PATIENCE_S)
     finally:
         child.kill()
+        child.wait()
     assert told.decode().split() == events[:-1]
 
 

@@ -183,7 +183,7 @@ def pull(seen: Any, targets: Targets, robot: Connection) -> int | None:
 
 
 def let_go(
-    opened_: tuple[Any, deque[int]],
+    visit: tuple[Any, deque[int]],
     how: str,
     view: tuple[str, str],
     targets: Targets,
@@ -191,10 +191,14 @@ def let_go(
 ) -> Turn | None:
     """Have a page drag and go, the next one steer, and the robot stop and recover.
 
+    Args:
+        visit: a page, and when it said something last.
+        how, view, targets, robot: how it goes, where it came from, and whom it steers.
+
     Returns:
         None where the page was held just before it went.
     """
-    seen, said = opened_
+    seen, said = visit
     browser = seen.context.browser
     pages, all_ = processes(browser, "renderer"), processes(browser)
     for _ in range(TRIES):
@@ -225,15 +229,15 @@ def let_all_go(
 ) -> Iterator[Turn]:
     """Turn after turn; a page and a browser as long as they last."""
     with ExitStack() as stack:
-        browser = page_ = None
+        browser = visit = None
         for _ in range(TRIES):
             browser = browser or stack.enter_context(chromium())
-            page_ = page_ or opened(browser, view)
-            turn = let_go(page_, how, view, targets, robot)
+            visit = visit or opened(browser, view)
+            turn = let_go(visit, how, view, targets, robot)
             if turn is not None:
                 yield turn
             if how != "frozen":
-                page_ = None
+                visit = None
             if how == "killed":
                 browser = None
                 stack.close()
