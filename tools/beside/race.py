@@ -24,6 +24,9 @@ from hoap3.tools.services.run import run_realtime
 from hoap3.tools.services.services import controller_config, emulator_config
 
 CONFIDENCE = 0.95
+QUIET = 1e-4
+"""Share of ticks outside stalls that a quiet machine misses at most with nothing beside the robot.
+Where it misses more, its own misses decide what seems to be added."""
 END_S = 10.0
 READY = b"ready\n"
 """What a process says that now waits for the robot."""
@@ -133,8 +136,8 @@ def added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     Returns:
         `pairs`; of the share of ticks missed or skipped outside stalls, and of all of them, the
         `mean` of the differences and its one-sided `upper` 95 % bound (Student's t), None where
-        stalls were not watched; `rtt_p99_ratio`, the median over the pairs, None where no run was
-        answered.
+        stalls were not watched; `alone`, the mean outside stalls of the runs without it, or None;
+        `rtt_p99_ratio`, the median over the pairs, None where no run was answered.
     """
     found: dict[str, Any] = {}
     sides = [sorted((r for r in rows if r["beside"] is way), key=_pair) for way in (False, True)]
@@ -144,6 +147,8 @@ def added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             found[name] = None
         else:
             found[name] = _bound([b - a for a, b in pairs])
+    watched = found["missed_outside"] is not None
+    found["alone"] = statistics.fmean(a["missed_outside"] for a in sides[0]) if watched else None
     times = [(a["rtt_p99_us"], b["rtt_p99_us"]) for a, b in zip(*sides, strict=True)]
     ratios = [b / a for a, b in times if a is not None and b is not None]
     found["rtt_p99_ratio"] = statistics.median(ratios) if ratios else None

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hoap3.tools.beside.race import CONFIDENCE
+from hoap3.tools.beside.race import CONFIDENCE, QUIET
 from hoap3.tools.show.output import results
 
 RUN = ("pair", "beside", "ticks", "safe_stops")
@@ -33,6 +33,11 @@ def show_race(raced: dict[str, Any]) -> None:
             if found is None
             else f"added misses, {words}: {found['mean']:.1e}, at most {found['upper']:.1e} "
             f"({CONFIDENCE:.0%}, one-sided; {added['pairs']} pairs)"
+        )
+    if added["alone"] is not None and added["alone"] > QUIET:
+        results.print(
+            f"without it {added['alone']:.1e} of the ticks were missed outside host stalls, more "
+            f"than {QUIET:.0e}: this machine is too noisy now to tell what is added. Measure again"
         )
     stopped = [row["beside"] for row in raced["rows"] if row["safe_stops"]]
     if stopped:

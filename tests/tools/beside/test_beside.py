@@ -13,7 +13,7 @@ from scipy.stats import ttest_1samp
 from support.command_bench import hoap3
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.beside.race import added, race
+from hoap3.tools.beside.race import QUIET, added, race
 from hoap3.tools.beside.show import show_race
 
 SHARES = st.lists(
@@ -46,7 +46,12 @@ def test_the_bound_is_that_of_students_t_over_the_pairs(shares):
 def test_without_a_watch_for_stalls_nothing_is_said_of_what_is_outside_them():
     rows = runs([(0.1, 0.2), (0.1, 0.1)])
     rows[1]["missed_outside"] = None
-    assert added(rows)["missed_outside"] is None
+    assert added(rows)["missed_outside"] is added(rows)["alone"] is None
+
+
+@given(shares=SHARES)
+def test_what_the_machine_misses_alone_is_the_mean_of_the_runs_without(shares):
+    assert added(runs(shares))["alone"] == pytest.approx(np.mean([alone for alone, _ in shares]))
 
 
 def test_a_run_that_nobody_answered_has_no_rtt_to_compare():
@@ -57,11 +62,11 @@ def test_a_run_that_nobody_answered_has_no_rtt_to_compare():
     assert added(rows)["rtt_p99_ratio"] is None
 
 
-def shown(capsys: pytest.CaptureFixture[str], stops: int) -> list[list[str]]:
+def shown(capsys: pytest.CaptureFixture[str], stops: int, alone: float = 0.0) -> list[list[str]]:
     """Words of each line that is shown of two pairs, in one of whose runs the robot stopped."""
     rows = [
         {**row, "ticks": 4321, "rtt_p50_us": None, "safe_stops": 0}
-        for row in runs([(0.0125, 0.025), (0.0, 0.0)])
+        for row in runs([(alone, 0.025), (0.0, 0.0)])
     ]
     rows[0]["safe_stops"] = stops
     cpus = {"loops": [], "beside": [0, 1]}
@@ -76,11 +81,16 @@ def test_each_run_is_a_row_and_one_that_stopped_is_told(capsys):
     assert [dict(zip(heads, row, strict=True))["missed"] for row in rows] == [
         "0.00000",
         "0.00000",
-        "0.01250",
+        "0.00000",
         "0.02500",
     ]
     assert [row[heads.index("safe_stops")] for row in stopped[1:5]] == ["1", "0", "0", "0"]
     assert len(stopped) == len(whole) + 1
+
+
+def test_a_machine_that_misses_much_by_itself_is_told_once(capsys):
+    quiet, noisy = shown(capsys, 0, 2 * QUIET), shown(capsys, 0, 2.2 * QUIET)
+    assert len(noisy) == len(quiet) + 1
 
 
 RUN = {
