@@ -26,7 +26,7 @@ from hoap3.tools.services.services import controller_config, emulator_config
 CONFIDENCE = 0.95
 QUIET = 1e-4
 """Share of ticks outside stalls that a quiet machine misses at most with nothing beside the robot.
-Where it misses more, its own misses decide what seems to be added."""
+Where it misses more, its own misses may decide what seems to be added."""
 END_S = 10.0
 READY = b"ready\n"
 """What a process says that now waits for the robot."""
