@@ -63,7 +63,7 @@ def test_a_run_that_nobody_answered_has_no_rtt_to_compare():
 
 
 def shown(capsys: pytest.CaptureFixture[str], stops: int, alone: float = 0.0) -> list[list[str]]:
-    """Words of each line that is shown of two pairs, in one of whose runs the robot stopped."""
+    """Words of each line of two pairs; without it, one missed `alone`, the other had `stops`."""
     rows = [
         {**row, "ticks": 4321, "rtt_p50_us": None, "safe_stops": 0}
         for row in runs([(alone, 0.025), (0.0, 0.0)])
