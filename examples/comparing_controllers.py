@@ -56,11 +56,11 @@ def rows(made: Comparison) -> list[list[str]]:
 
 
 def best(made: Comparison) -> dict[str, Any]:
-    """Of those whose verdicts are good, the figures of the one with the least effort."""
+    """Of those whose verdicts are pass, the figures of the one with the least effort."""
     good = [
         {"label": label, **figures}
         for label, figures in zip(made.labels, made.figures, strict=True)
-        if {figures["verdicts"][name] for name in ("task", "limits_and_balance")} == {"good"}
+        if {figures["verdicts"][name] for name in ("task", "limits_and_balance")} == {"pass"}
     ]
     return min(good, key=lambda figures: float(figures["control_effort"]["l1"]), default={})
 

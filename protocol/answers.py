@@ -38,6 +38,7 @@ class Status(Answer):
         lockstep: whether the robot's time is virtual.
         stop_reason: why it stops or is stopped, as `hoap3.protocol.stop_reasons` names it; None
             where it does neither, or does not tell, as older robots do not.
+        counts: deadlines and limits so far, as the robot's summary has them; None: not told.
     """
 
     mode: Literal["idle", "active", "stopping", "stopped"]
@@ -46,6 +47,7 @@ class Status(Answer):
     tick: Uint64
     lockstep: bool
     stop_reason: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = None
+    counts: dict[str, Any] | None = None
 
 
 class Recovery(Status):

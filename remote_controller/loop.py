@@ -376,14 +376,14 @@ class ControllerLoop:
         except (Exception, SystemExit) as error:
             raise failure(controller, "failed to say what it is", error) from error
 
-    def task_errors(self) -> list[dict[str, Any]]:
-        """How the tasks stand, and which tolerance was violated on the way, as the outcome has it.
+    def outcome(self) -> dict[str, Any]:
+        """What the answers came to so far, and how the tasks stand.
 
         Raises:
             Hoap3Error: the controller failed.
         """
         try:
-            return [error.as_json() for error in self._controller.task_errors()]
+            return self._outcome.as_json()
         except (Exception, SystemExit) as error:
             raise failure(self._controller, "failed to say how its tasks stand", error) from error
 

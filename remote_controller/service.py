@@ -116,7 +116,9 @@ def serve(request: Request, loop: ControllerLoop, about: bytes = b"") -> None:
         if request.verb in OPERATES:
             now = loop.operate(request.verb, request.who)
         elif request.verb == "tasks":
-            now = {"tasks": loop.task_errors(), "operator": loop.steering.operator or None}
+            outcome = loop.outcome()
+            operator = loop.steering.operator or None
+            now = {"tasks": outcome["tasks"], "operator": operator, "outcome": outcome}
         else:
             if request.verb == "change":
                 loop.change(request.body)

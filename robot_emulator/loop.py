@@ -118,7 +118,7 @@ class RobotLoop:
         self._held_first = (-1, -1)  # joint, tick
         self._conflicts_told = self._conflict_due = 0
         self._overloaded = -1
-        self.safe_stops = self.skipped = 0
+        self.safe_stops = self.skipped = self._skipped_active = 0
         self.validator = SetpointValidator(
             description.n,
             session_id,
@@ -182,20 +182,28 @@ class RobotLoop:
 
     def summary(self) -> dict[str, object]:
         """What the robot counted; docs/concepts.md defines each figure."""
-        deadlines = self.validator.deadlines
         return {
-            **{name: getattr(deadlines, name) for name in _COUNTED},
-            "safe_stops": self.safe_stops,
-            "interventions": self._setpoint_filter.interventions,
-            "held_back_joints": self._held_back_joints(),
-            **self._body.summary(),
-            "torque_limited": self._setpoint_filter.torque_limited + self.plant.saturated,
+            **self._counts(),
             "conflicting": self.validator.conflicting,
             "rejections": {name: n for name, n in self.validator.rejections.items() if n},
             "realtime": self.realtime,
             "link_counts": self._link.counts(),
             **({"plant": figures} if (figures := self.plant.summary()) else {}),
             **({"plant_us": self._plant_times.summary()} if self._plant_times else {}),
+        }
+
+    def _counts(self) -> dict[str, object]:
+        """What verdicts on deadlines and limits rest on, so far."""
+        deadlines = self.validator.deadlines
+        return {
+            **{name: getattr(deadlines, name) for name in _COUNTED},
+            "skipped": self._skipped_active,
+            "safe_stops": self.safe_stops,
+            "misses_to_stop": self._config.misses_to_stop,
+            "interventions": self._setpoint_filter.interventions,
+            "held_back_joints": self._held_back_joints(),
+            **self._body.summary(),
+            "torque_limited": self._setpoint_filter.torque_limited + self.plant.saturated,
         }
 
     @property
@@ -230,6 +238,8 @@ class RobotLoop:
         if not self._acted:
             self._act(ticker.tick)
         self._acted = False
+        if ticker.skipped and self._state.mode == self._authority.mode == State.ACTIVE:
+            self._skipped_active += ticker.skipped
         self.tick = self._published = ticker.tick
         self._publish(ticker)
         if self._authority.mode == State.ACTIVE:
@@ -454,7 +464,7 @@ class RobotLoop:
             case "recover":
                 return {"recovered": self._recover(), **self._status()}
             case "status":
-                return self._status()
+                return {**self._status(), "counts": self._counts()}
             case other:
                 return {"error": f"unknown request {other!r}"}
 

@@ -15,8 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 WINDOW = 100
-FIT, WARN = 0.95, 0.90
-"""Success rates from which a run is fit, and below which it is unfit."""
 
 PERCENTILES = {"p50": 50.0, "p90": 90.0, "p99": 99.0, "p99_9": 99.9}
 _BITS = 11  # that tell one duration from another
@@ -85,13 +83,6 @@ class Deadlines:
         self.success_rate = rate = self._hits / (len(window) if full else self.asked)
         if full and (self.worst_window is None or rate < self.worst_window):
             self.worst_window = rate
-
-
-def verdict(run_rate: float, *, safe_stop: bool) -> str:
-    """`fit`, `warn` or `unfit`, by the success rate of the whole run."""
-    if safe_stop or run_rate < WARN:
-        return "unfit"
-    return "fit" if run_rate >= FIT else "warn"
 
 
 class Durations:

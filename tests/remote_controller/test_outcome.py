@@ -12,6 +12,7 @@ import pytest
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.balance import balance_of
@@ -24,6 +25,7 @@ from hoap3.tools.show.certificate_count import CountingRecorder
 from hoap3.tools.show.verdicts import judge
 from hoap3.tools.simulate import Lockstep, controller_file, controller_settings, emulator_settings
 
+IN_TIME = unknown_deadlines("", "", "pass")
 HOAP3 = load("hoap3")
 Told = dict[str, Any]
 
@@ -143,7 +145,7 @@ def test_margins_are_judged_where_there_are_constraints():
     assert margin["tolerance"] == 1e-6
     assert margin["of"].split(": ")[0] in {"joint_position", "support_polygon", "zmp"}
     assert margin["unit"] in {"m", "rad or m"}
-    told = judge("fit", 0, 0, run("ghc", 0.02, "lwr_weightless")[0])["limits_and_balance"]
+    told = judge(IN_TIME, 0, 0, run("ghc", 0.02, "lwr_weightless")[0])["limits_and_balance"]
     assert told["smallest_margin_of"] == "bounds of joints"
     assert "of the greatest" in told["smallest_margin_unit"]
 
@@ -151,10 +153,10 @@ def test_margins_are_judged_where_there_are_constraints():
 @pytest.mark.parametrize(
     ("margins", "least", "verdict"),
     [
-        ((math.inf,), None, "good"),
-        ((0.5, math.inf), 0.5, "good"),
-        ((-1.0, -math.inf), -sys.float_info.max, "bad"),
-        ((-1.0, math.nan, 0.5), -sys.float_info.max, "bad"),
+        ((math.inf,), None, "pass"),
+        ((0.5, math.inf), 0.5, "pass"),
+        ((-1.0, -math.inf), -sys.float_info.max, "fail"),
+        ((-1.0, math.nan, 0.5), -sys.float_info.max, "fail"),
     ],
 )
 def test_a_margin_of_minus_infinity_or_nan_is_a_violation(margins, least, verdict):
@@ -167,7 +169,7 @@ def test_a_margin_of_minus_infinity_or_nan_is_a_violation(margins, least, verdic
     told = outcome.as_json()
     json.dumps(told["margin"], allow_nan=False)
     assert (told["margin"] or {"least": None})["least"] == least
-    assert judge("fit", 0, 0, told)["verdicts"]["limits_and_balance"] == verdict
+    assert judge(IN_TIME, 0, 0, told)["verdicts"]["limits_and_balance"] == verdict
 
 
 class Link:
@@ -211,7 +213,7 @@ def test_what_was_before_the_last_engagement_counts_too():
         told = engage(start, tick)
     assert told["answers"] == told["certifiable"] == 1 + EVERY
     assert (told["balance"]["checked"], told["balance"]["outside"]) == (2, 1)
-    assert judge("fit", 0, 0, told)["verdicts"]["limits_and_balance"] == "bad"
+    assert judge(IN_TIME, 0, 0, told)["verdicts"]["limits_and_balance"] == "fail"
     link.session_id = 8  # the robot was started again
     assert engage(start, 30)["answers"] == 1
 

@@ -1,7 +1,7 @@
 """The command line. It only wires: what a command does stands in a module of its own.
 
 Results go to standard output, with `--json` as one JSON object; notes, progress and errors go to
-standard error. Exit codes: 0 all verdicts good, 1 findings, 2 wrong usage or settings.
+standard error. Exit codes: 0 no verdict fails, 1 findings, 2 wrong usage or settings.
 """
 
 from __future__ import annotations

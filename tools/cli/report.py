@@ -29,7 +29,7 @@ def report(
     check_drawing()
     from hoap3.tools.report.write import write_report
     from hoap3.tools.show.certificate_count import in_a_line
-    from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, failed, in_words
+    from hoap3.tools.show.verdicts import NAMES, failed, in_words
 
     with progress(f"report {log}") as meter:
         figures = write_report(log, out, meter.step, robot)
@@ -37,10 +37,8 @@ def report(
         print_json(figures)
     else:
         print_line(str(figures["report"]))
-        words = in_words(figures)
-        for key, name in NAMES.items():
-            parts = [figures["verdicts"][key] or NOT_JUDGED, *filter(None, [words.get(key)])]
-            print_line(f"{name}: {'; '.join(parts)}")
+        for key, words in in_words(figures).items():
+            print_line(f"{NAMES[key]}: {figures['verdicts'][key]}; {words}")
         unproved = in_a_line(figures["certificates"])
         if unproved is not None:
             print_line(f"certificates: {unproved}")

@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.runtime.deadlines import verdict
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.compare.answers import MOST_TIMED, Answers, RecordedInputs, table
 from hoap3.tools.compare.candidates import Candidate
-from hoap3.tools.show.body_findings import body_of
-from hoap3.tools.show.verdicts import judge
+from hoap3.tools.show.verdicts import judge_reported
 from hoap3.tools.simulate import Lockstep
 
 SAID_TICKS = 1000  # after so many the progress is told
@@ -70,8 +68,4 @@ class ClosedLoop:
 def _judged(lockstep: Lockstep) -> dict[str, Any]:
     robot = lockstep.robot
     counted: dict[str, Any] = robot.summary()
-    deadlines = verdict(robot.validator.deadlines.run_rate, safe_stop=robot.safe_stops > 0)
-    held_back, limited = counted["interventions"], counted["torque_limited"]
-    outcome, joints = lockstep.controller_loop.summary, counted["held_back_joints"]
-    seen = {"joints": joints, "body": body_of(counted)}
-    return judge(deadlines, held_back, limited, outcome, **seen)
+    return judge_reported(counted, lockstep.controller_loop.summary)

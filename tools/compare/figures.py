@@ -40,14 +40,14 @@ class Word:
 
 
 WORDS = (
-    Word("verdicts.deadlines", "deadlines", "", "fit, warn or unfit, as for a run."),
-    Word("verdicts.task", "task", "", "good, where the target is reached, and certified; or bad."),
+    Word("verdicts.deadlines", "deadlines", "", "pass, warn or fail, as for a run."),
+    Word("verdicts.task", "task", "", "pass where targets are reached and answers certified."),
     Word(
         "verdicts.limits_and_balance",
         "limits and balance",
         "",
-        "good, where no limit held a joint back, no constraint was violated, and the centre of "
-        "mass stayed above the soles; or bad.",
+        "pass where no limit held a joint back, no constraint was violated, and the centre of "
+        "mass stayed above the soles; else fail.",
     ),
     Word("answers", "answers", "", "States that it answered, k."),
     Word("success_rate", "answers in time", "", "Share of them by the deadline of their tick."),
@@ -151,7 +151,7 @@ def findings(label: str, found: Figures) -> list[str]:
     """What is wrong with a controller, in words."""
     verdicts, words = found["verdicts"], in_words(found)
     wrong = [
-        f"{label}: {name} {verdicts[key]}" + (f": {words[key]}" if key in words else "")
+        f"{label}: {name} {verdicts[key]}: {words[key]}"
         for key, name in NAMES.items()
         if failed({key: verdicts[key]})
     ]

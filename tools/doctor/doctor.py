@@ -37,7 +37,7 @@ MEASURES: tuple[Check, ...] = (probes.clock, probes.wake_up, checks.log_disk)
 LARGE_RTT_US, LARGE_TAIL_US = 500.0, 1000.0  # half a period, and a whole one
 
 _COLOURS: dict[str, str] = {"ok": "green", "advice": "yellow", "problem": "red"}
-_VERDICTS: dict[Level, str] = {"ok": "fit", "advice": "warn", "problem": "unfit"}
+_VERDICTS: dict[Level, str] = {"ok": "pass", "advice": "warn", "problem": "fail"}
 
 
 def examine(
@@ -77,7 +77,7 @@ def placement_finding(placement: dict[str, Any]) -> Finding:
 
 
 def verdict(findings: Sequence[Finding]) -> str:
-    """`fit`, `warn` where there is advice, `unfit` where there is a problem."""
+    """`pass`, `warn` where there is advice, `fail` where there is a problem."""
     levels = {finding.level for finding in findings}
     worst: Level = "problem" if "problem" in levels else "advice" if "advice" in levels else "ok"
     return _VERDICTS[worst]
@@ -113,7 +113,7 @@ def run_doctor(as_json: bool, measure: bool = True) -> int:
         print_json(diagnosis)
     else:
         show(diagnosis)
-    return 1 if diagnosis["verdict"] == "unfit" else 0
+    return 1 if diagnosis["verdict"] == "fail" else 0
 
 
 def show(diagnosis: dict[str, Any]) -> None:

@@ -23,6 +23,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.runtime.deadline_verdict import FAIL, MISSES_TO_STOP, NOT_JUDGED
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
@@ -34,8 +35,7 @@ from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, link
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.run import run_realtime
-from hoap3.tools.show.verdicts import FAILED
-from hoap3.tools.timing.tick_metrics import MISSES_TO_STOP, percentiles, tick_figures
+from hoap3.tools.timing.tick_metrics import percentiles, tick_figures
 from hoap3.tools.timing.ticks import TickTable
 
 WARM_UP = 200
@@ -114,7 +114,7 @@ def measure_latency(
     if not tables:
         raise Hoap3Error("interrupted before the first block was complete")
     return {
-        **tick_figures(tables, MISSES_TO_STOP),
+        **tick_figures(tables, MISSES_TO_STOP, said),
         **compare(tables, echoes),
         "plain_rtt_us": _rtt(plain) if plain else None,
         "link": plan.link,
@@ -148,8 +148,9 @@ def analyse_log(path: Path) -> dict[str, Any]:
         )
     machine = {name: json.loads(value) for name, value in log.metadata.get("machine", {}).items()}
     figures = tick_figures([table])
-    if (log.truncated or log.damages) and figures["verdicts"]["deadlines"] not in FAILED:
-        figures["verdicts"]["deadlines"] = None  # who knows what was in the rest
+    if (log.truncated or log.damages) and figures["verdicts"]["deadlines"] != FAIL:
+        figures["verdicts"]["deadlines"] = NOT_JUDGED  # the rest is not known
+        figures["deadlines"]["text"] = "the log is damaged; " + figures["deadlines"]["text"]
     return {
         **figures,
         "echo_rtt_us": None,

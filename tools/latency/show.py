@@ -27,7 +27,9 @@ def show_latency(found: dict[str, Any]) -> None:
 def _verdict(found: dict[str, Any]) -> Table:
     table = Table(show_header=False, box=None, pad_edge=False)
     rate, misses = found["success_rate"], found["misses"]
-    table.add_row("deadlines", coloured_verdict(found["verdicts"]["deadlines"]))
+    table.add_row(
+        "deadlines", coloured_verdict(found["verdicts"]["deadlines"], found["deadlines"]["text"])
+    )
     table.add_row(
         "success rate",
         f"{known(rate['run'], '.5f')} of {found['ticks']} ticks; worst window of 100: "

@@ -244,7 +244,7 @@ def _timing(sources: Sources, gaps: list[str]) -> Timing | None:
     if timing is not None and timing.table.safe_stops:
         gaps.append(
             "The robot was brought to a safe stop, after which nothing asks for an answer: that "
-            "alone makes a run unfit."
+            "alone makes the deadlines fail."
         )
     held_back = sources.interventions
     if held_back:

@@ -53,8 +53,7 @@ def page(content: Content) -> str:
         sections=SECTIONS,
         content=content,
         verdicts=[
-            (name, content.judged["verdicts"][key], words.get(key, ""))
-            for key, name in NAMES.items()
+            (name, content.judged["verdicts"][key], words[key]) for key, name in NAMES.items()
         ],
         facts=[length, content.transport, content.date, content.sources.path],
         tiles=tiles(content),

@@ -121,6 +121,12 @@ class Sources:
         )
         return found if whole else None
 
+    @property
+    def realtime(self) -> list[str] | None:
+        """Real-time measures of the robot's process; None where its log does not say."""
+        found = self.summary.get("realtime")
+        return list(map(str, found)) if isinstance(found, list) else None
+
     def answered(self, session: int) -> bool:
         """Whether the controller's log holds answers to a session of the robot."""
         if self.controller is None:

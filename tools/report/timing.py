@@ -23,14 +23,16 @@ class Timing:
 
     Attributes:
         table: one row a tick, of which at least one asked for an answer.
+        realtime: real-time measures of the robot's process; None where they are not known.
     """
 
     table: TickTable
+    realtime: list[str] | None = None
 
     @cached_property
     def figures(self) -> dict[str, Any]:
         """Under the names that `run --json` gives them; durations unless all time is virtual."""
-        return {**tick_figures([self.table]), "safe_stops": self.table.safe_stops}
+        return tick_figures([self.table], realtime=self.realtime)
 
     @property
     def asked(self) -> int:
@@ -38,9 +40,10 @@ class Timing:
         return int(np.count_nonzero(self.table.asked))
 
     @property
-    def verdict(self) -> str:
-        """On the deadlines: `fit`, `warn` or `unfit`."""
-        return str(self.figures["verdicts"]["deadlines"])
+    def verdict(self) -> dict[str, Any]:
+        """On the deadlines, as `judge_deadlines` returns it."""
+        verdict: str = self.figures["verdicts"]["deadlines"]
+        return {"verdict": verdict, **self.figures["deadlines"]}
 
     @property
     def start_ns(self) -> int:
@@ -85,4 +88,4 @@ def read_timing(sources: Sources) -> Timing | None:
         return None
     robot = RobotSide.read(sources.path)
     table = TickTable.of(robot, Cycles.of(sources.controller, robot))
-    return Timing(table) if table.asked.any() else None
+    return Timing(table, sources.realtime) if table.asked.any() else None

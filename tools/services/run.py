@@ -13,6 +13,7 @@ from typing import Any
 
 from hoap3.protocol.config.settings import LinkSettings, RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED
 from hoap3.protocol.runtime.notes import Note
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
 from hoap3.remote_controller.config import ControllerConfig, of_another_robot
@@ -351,7 +352,9 @@ def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
     if summary["certificates"] and theirs:
         summary["certificates"]["reasons"] = theirs["reasons"]
     held_back, limited = summary["interventions"], summary["torque_limited"]
-    deadlines = summary["verdicts"]["deadlines"] or "unfit"  # it should have asked something
+    verdict = summary["verdicts"]["deadlines"]
+    verdict = FAIL if verdict == NOT_JUDGED else verdict  # answers should have been requested
+    deadlines = {"verdict": verdict, **summary["deadlines"]}
     robot, outcome = summary["limits_and_balance"], controller.get("outcome")
     summary |= judge(
         *(deadlines, held_back, limited, outcome),

@@ -10,7 +10,8 @@ import numpy as np
 
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import COMMANDS, Setpoint, State
-from hoap3.protocol.runtime.deadlines import Durations, Jitter, verdict
+from hoap3.protocol.runtime.deadline_verdict import FAIL, judge_deadlines, unknown_deadlines
+from hoap3.protocol.runtime.deadlines import Durations, Jitter
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
@@ -29,6 +30,7 @@ _STATE = (  # in the order of the schema: quickest to read
 )  # fmt: skip
 
 
+COUNT_LOST = "count_lost"
 _NO_CERTIFICATE = Setpoint.schema.constants["STATUS_NONE"]
 
 
@@ -114,19 +116,8 @@ class RunStatistics:
         safe_stops = robot.get("safe_stops", 0)
         skipped = self._skipped_active
         outside, outside_rate = self._outside(robot.get("in_time", 0))
-        deadlines: str | None = "unfit"
-        if run_rate is not None:
-            scheduled = robot.get("in_time", 0) / (robot["asked"] + skipped)
-            deadlines = verdict(scheduled, safe_stop=safe_stops > 0)
-        elif robot and not safe_stops:
-            deadlines = None  # nothing was asked: there was nothing to be in time for
         interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
         result: dict[str, Any] = {
-            **judge(
-                *(deadlines, interventions, limited, None),
-                joints=robot.get("held_back_joints"),
-                body=body_of(robot),
-            ),
             "deadline": self._deadline,
             "delay_ticks": self.delay_ticks,
             "ticks": robot.get("asked", 0),
@@ -164,7 +155,12 @@ class RunStatistics:
             result["wakeup_us"] = self.wakeup.summary()
             result["jitter_us"] = self._jitter.summary()
             result["stages_us"] = {name: stage.summary() for name, stage in self.stages.items()}
-        return result
+        deadlines = unknown_deadlines(COUNT_LOST, "the robot's own count is lost", FAIL)
+        if robot:
+            deadlines = judge_deadlines(result, robot.get("misses_to_stop"))
+        given = (deadlines, interventions, limited, None)
+        joints, body = robot.get("held_back_joints"), body_of(robot)
+        return {**judge(*given, joints=joints, body=body), **result}
 
     def _outside(self, in_time: int) -> tuple[int | None, float | None]:
         """Misses and skipped ticks that no stall excuses, and the success rate without the others.

@@ -9,21 +9,15 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
+from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED, PASS, WARN
 from hoap3.tools.machine.stall_figures import limited
 from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.show.final_error import final_error_words
 from hoap3.tools.show.output import Meter, notes, print_note, results, watched
 from hoap3.tools.show.plant_rows import plant_rows
-from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, deadline_words, in_words
+from hoap3.tools.show.verdicts import NAMES, deadline_words, in_words
 
-COLOURS = {
-    "fit": "green",
-    "good": "green",
-    "warn": "yellow",
-    "unfit": "red",
-    "bad": "red",
-    NOT_JUDGED: "yellow",
-}
+COLOURS = {PASS: "green", WARN: "yellow", FAIL: "red", NOT_JUDGED: "yellow"}
 _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
             "max": "max"}  # fmt: skip
 
@@ -128,7 +122,7 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     if misses.get("conflicting"):
         told = f"{misses['conflicting']}: another client sends setpoints in the holder's name"
-        table.add_row("conflicting", f"[{COLOURS['unfit']}]{told}[/]")
+        table.add_row("conflicting", f"[{COLOURS[FAIL]}]{told}[/]")
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
     if summary.get("interventions"):
@@ -140,7 +134,7 @@ def show_summary(summary: dict[str, Any]) -> None:
         table.add_row("torque limited", f"efforts were too small in {periods} periods")
     unproved = in_a_line(summary.get("certificates"))
     if unproved is not None:
-        table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
+        table.add_row("certificates", f"[{COLOURS[WARN]}]{escape(unproved)}[/]")
     final_error = final_error_words(summary)
     if final_error is not None:
         table.add_row("final error", final_error)
@@ -156,7 +150,7 @@ def show_summary(summary: dict[str, Any]) -> None:
         table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
     lost = [(what, why) for what in ("log", "metrics") for why in summary.get(f"{what}_lost", ())]
     for what, why in lost:
-        table.add_row(f"{what} lost", f"[{COLOURS['unfit']}]{escape(why)}[/]")
+        table.add_row(f"{what} lost", f"[{COLOURS[FAIL]}]{escape(why)}[/]")
     table.add_row("log", str(summary["log"] or "none"))
     results.print(table)
     for side, value in summary.get("payload_sha256", {}).items():
@@ -177,14 +171,8 @@ def _print_durations(summary: dict[str, Any]) -> None:
 def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
     """A row for each verdict."""
     words = in_words(summary)
-    if not summary["ticks"]:
-        words["deadlines"] = (
-            "nothing was asked, no controller was followed"
-            if summary["complete"]
-            else "the robot's own count is lost"
-        )
     for key, name in NAMES.items():
-        table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
+        table.add_row(name, coloured_verdict(summary["verdicts"][key], words[key]))
     late = deadline_words(summary)
     if late is not None:
         table.add_row("in time", late)
@@ -200,10 +188,9 @@ def show_next(log: str | None) -> None:
     print_note(f"       hoap3 export {folder} --to run.csv")
 
 
-def coloured_verdict(verdict: str | None, words: str = "") -> str:
+def coloured_verdict(verdict: str, words: str = "") -> str:
     """A verdict in its colour, as rich markup, and behind it what it rests on."""
-    shown = verdict or NOT_JUDGED
-    return f"[{COLOURS[shown]}]{shown}[/]" + (f": {escape(words)}" if words else "")
+    return f"[{COLOURS[verdict]}]{verdict}[/]" + (f": {escape(words)}" if words else "")
 
 
 def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> Table:

@@ -6,14 +6,19 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from hoap3.tools.show.body_findings import BODY_REASONS, body_reasons, body_words
+from hoap3.protocol.runtime.deadline_verdict import (
+    FAIL,
+    NOT_JUDGED,
+    PASS,
+    judge_counts,
+    unknown_deadlines,
+)
+from hoap3.tools.show.body_findings import BODY_REASONS, body_of, body_reasons, body_words
 
 CERTIFIED_SHARE = 0.95
 """Least share of the answers that must be certified, of those that the controller can certify."""
 
 NAMES = {"deadlines": "deadlines", "task": "task", "limits_and_balance": "limits and balance"}
-FAILED = ("unfit", "bad")
-NOT_JUDGED = "not judged"
 MOST_CONDITIONS = 3  # in words
 
 NOT_TOLD, NOT_TOLD_BY_ROBOT = "not_told_by_controller", "not_told_by_robot"
@@ -34,7 +39,7 @@ REASONS = {
     OUTSIDE: "the centre of mass left the support polygon",
     **BODY_REASONS,
 }
-"""Why a verdict is bad, or why there is none, in words."""
+"""Why a verdict is `fail` or `not judged`, in words."""
 _UNTOLD = {
     NOT_TOLD: "not told by the controller (constraints and balance)",
     NOT_TOLD_BY_ROBOT: "not told by the robot (joints held back)",
@@ -43,7 +48,7 @@ _UNTOLD = {
 
 
 def judge(
-    deadlines: str | None,
+    deadlines: Mapping[str, Any] | None,
     held_back: int | None,
     torque_limited: int | None,
     outcome: Mapping[str, Any] | None,
@@ -53,57 +58,87 @@ def judge(
     joints: Mapping[str, Any] | None = None,
     body: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Verdicts, and what two of them rest on.
+    """Verdicts, and what each rests on.
 
     Args:
-        deadlines: fit, warn or unfit; None where that is not known.
+        deadlines: what `judge_deadlines` returns; None where nothing is known.
         held_back, torque_limited: periods in which the robot held a joint back, or could not keep
             its limits for lack of torque; None where that is not known.
         outcome: what the controller told at its end, see `hoap3.remote_controller.outcome`; None
             where that is not known.
-        expected: the controller should have told it; where it did not, verdicts are bad.
+        expected: the controller should have told it; where it did not, verdicts fail.
         damaged: sides, "robot" or "controller", whose logs are cut off or damaged. What is not
-            known of these is lost, which is bad; ticks that nobody sees were perhaps not in time,
-            so the deadlines of such a robot are unfit or not judged.
+            known of these is lost, which fails; ticks that are missing were perhaps not in time,
+            so the deadlines of such a robot fail or are not judged.
         joints: which the robot held back, as its summary has them; None where that is not known.
         body: what the robot measured of its body, see `hoap3.tools.show.body_findings`; None where
             that is not known.
 
     Returns:
-        `verdicts`, `task` and `limits_and_balance`, as docs/concepts.md defines them.
+        `verdicts`, `deadlines`, `task` and `limits_and_balance`, as docs/concepts.md defines them;
+        of each of the last three the `reasons`, and all of it as `text`.
     """
+    timing = deadlines or unknown_deadlines(NOT_TOLD_BY_ROBOT, REASONS[NOT_TOLD_BY_ROBOT])
+    if "robot" in damaged and timing["verdict"] != FAIL:
+        timing = unknown_deadlines(DAMAGED, REASONS[DAMAGED])
     task = _task(outcome, damaged)
     limits = _limits(held_back, torque_limited, outcome, damaged, body or {})
-    partly = "robot" in damaged and deadlines not in FAILED
     verdicts = {
-        "deadlines": None if partly else deadlines,
+        "deadlines": timing["verdict"],
         "task": _verdict(task["reasons"], expected=expected),
         "limits_and_balance": _verdict(limits["reasons"], expected=expected),
     }
     limits["held_back_joints"] = dict(joints) if joints else None
-    return {"verdicts": verdicts, "task": task, "limits_and_balance": limits}
+    task["text"], limits["text"] = _task_words(task), _limits_words(limits)
+    timing = {key: value for key, value in timing.items() if key != "verdict"}
+    return {"verdicts": verdicts, "deadlines": timing, "task": task, "limits_and_balance": limits}
 
 
-def failed(verdicts: Mapping[str, str | None]) -> bool:
-    """Whether a verdict is unfit or bad; the exit code is 1 then."""
-    return any(verdict in FAILED for verdict in verdicts.values())
+def judge_reported(
+    counts: Mapping[str, Any], outcome: Mapping[str, Any] | None, skipped: int | None = None
+) -> dict[str, Any]:
+    """`judge` what both sides report of themselves, now or in a log; nonsense is not known.
+
+    Args:
+        counts: of the robot, as its summary and status have them; empty where it reports none.
+        outcome: as of `judge`.
+        skipped: ticks skipped while the robot was active; None: as `counts` has them.
+    """
+    try:
+        timing = judge_counts(counts, skipped) if counts.get("asked") else None
+        found = [counts.get(name) for name in ("interventions", "torque_limited")]
+        held, limited = (n if isinstance(n, int) else None for n in found)
+        joints, body = counts.get("held_back_joints"), body_of(counts)
+        return judge(timing, held, limited, outcome or None, joints=joints, body=body)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return judge(None, None, None, None)
+
+
+def shown(judged: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Verdicts as the live page shows them."""
+    words, verdicts = in_words(judged), judged["verdicts"]
+    return {key: {"verdict": verdicts[key], "words": words[key]} for key in NAMES}
+
+
+def failed(verdicts: Mapping[str, str]) -> bool:
+    """Whether a verdict is `fail`; the exit code is 1 then."""
+    return FAIL in verdicts.values()
 
 
 def in_words(judged: Mapping[str, Any]) -> dict[str, str]:
-    """What the verdicts on task, and on limits and balance, rest on, each in a line.
+    """What each verdict rests on, in a line.
 
     Args:
         judged: has the keys that `judge` returns.
     """
-    return {"task": _task_words(judged), "limits_and_balance": _limits_words(judged)}
+    return {key: judged[key]["text"] for key in NAMES}
 
 
-def _verdict(reasons: list[str], *, expected: bool) -> str | None:
-    if reasons == [NO_TARGET]:
-        return None
-    if reasons and not expected and {NOT_TOLD, NOT_TOLD_BY_ROBOT}.issuperset(reasons):
-        return None
-    return "bad" if reasons else "good"
+def _verdict(reasons: list[str], *, expected: bool) -> str:
+    unknown = {NO_TARGET} if expected else {NO_TARGET, NOT_TOLD, NOT_TOLD_BY_ROBOT}
+    if reasons and unknown.issuperset(reasons):
+        return NOT_JUDGED
+    return FAIL if reasons else PASS
 
 
 def _task(outcome: Mapping[str, Any] | None, damaged: Collection[str]) -> dict[str, Any]:
@@ -167,8 +202,7 @@ def _limits(
     }
 
 
-def _task_words(judged: Mapping[str, Any]) -> str:
-    task = judged["task"]
+def _task_words(task: Mapping[str, Any]) -> str:
     parts = [REASONS[reason] for reason in task["reasons"]]
     parts += [_error_words(each) for each in task["errors"] if each["judged"]]
     if task["certifiable"]:
@@ -179,8 +213,7 @@ def _task_words(judged: Mapping[str, Any]) -> str:
     return "; ".join([*parts, *(["not judged: " + ", ".join(others)] if others else [])])
 
 
-def _limits_words(judged: Mapping[str, Any]) -> str:
-    limits = judged["limits_and_balance"]
+def _limits_words(limits: Mapping[str, Any]) -> str:
     parts = [_UNTOLD.get(reason, REASONS[reason]) for reason in limits["reasons"]]
     if limits["held_back"] is not None:
         held = limits["held_back"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.runtime.deadlines import verdict as deadline_verdict
+from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED, PASS, judge_deadlines
 from hoap3.tools.show.verdicts import failed
 from hoap3.tools.soak.rounds import Rounds
 from hoap3.tools.soak.trend import Series, block_means, trend
@@ -18,7 +18,6 @@ LIMIT_MB_H = 1.0
 BLOCK_S = 60.0
 LEAST_BLOCKS = 16  # of the measured time, where that is short
 ENDS = 10  # the part of the rounds, 1/10, that is the begin, and the end
-GOOD, BAD = "good", "bad"
 Figures = dict[str, Any]
 
 
@@ -34,8 +33,8 @@ def judge(
         cap_bytes: that the log of a side may take.
 
     Returns:
-        `verdicts`, by what they are about, and `verdict`, of all; each `good` or `bad`, or None
-        where too little was seen, but that of `deadlines`, which is that of a run. Then the
+        `verdicts`, by what they are about, and `verdict`, of all; each `pass` or `fail`, or
+        `not judged` where too little was seen; that of `deadlines` is that of a run. Then the
         figures: `measured`, `processes`, `phase`, `deadlines`, `log` and `metrics`.
     """
     robot = watch.sides["robot"].since(begin_s)
@@ -61,15 +60,15 @@ def judge(
         "memory": _of_all([memory_verdict(each["memory"]) for each in processes]),
         "descriptors": _of_all([_same(each["descriptors"]) for each in processes]),
         "threads": _of_all([_same(each["threads"]) for each in processes]),
-        "processes": _of_all([GOOD if each["throughout"] else BAD for each in processes]),
+        "processes": _of_all([PASS if each["throughout"] else FAIL for each in processes]),
         "phase": figures["phase"].pop("verdict"),
         "deadlines": figures["deadlines"].pop("verdict"),
         "log": figures["log"].pop("verdict"),
-        "metrics": None if not watch.scrapes else BAD if watch.unanswered else GOOD,
+        "metrics": NOT_JUDGED if not watch.scrapes else FAIL if watch.unanswered else PASS,
     }
     if summary is None:
-        verdicts["processes"] = BAD  # one ended, or never did its work
-    whole = BAD if failed(verdicts) else None if None in verdicts.values() else GOOD
+        verdicts["processes"] = FAIL  # one ended, or never did its work
+    whole = FAIL if failed(verdicts) else NOT_JUDGED if NOT_JUDGED in verdicts.values() else PASS
     return {"verdicts": verdicts, "verdict": whole, **figures}
 
 
@@ -120,12 +119,12 @@ def count_figures(counts: Series) -> dict[str, int]:
     }
 
 
-def memory_verdict(memory: Mapping[str, Any]) -> str | None:
-    """Good where growth is below the limit with confidence, bad where it is above with it."""
+def memory_verdict(memory: Mapping[str, Any]) -> str:
+    """`pass` where growth is below the limit with confidence, `fail` where it is above with it."""
     lower, upper = memory["lower_mb_per_hour"], memory["upper_mb_per_hour"]
     if lower is None or upper is None:
-        return None
-    return GOOD if upper < LIMIT_MB_H else BAD if lower >= LIMIT_MB_H else None
+        return NOT_JUDGED
+    return PASS if upper < LIMIT_MB_H else FAIL if lower >= LIMIT_MB_H else NOT_JUDGED
 
 
 def _block_s(times: Series) -> float:
@@ -135,14 +134,14 @@ def _block_s(times: Series) -> float:
 
 
 def _same(counts: Mapping[str, int]) -> str:
-    return GOOD if counts["begin"] == counts["end"] else BAD
+    return PASS if counts["begin"] == counts["end"] else FAIL
 
 
-def _of_all(verdicts: list[str | None]) -> str | None:
-    """Bad if one is, good if all are; None otherwise."""
-    if BAD in verdicts:
-        return BAD
-    return None if None in verdicts or not verdicts else GOOD
+def _of_all(verdicts: list[str]) -> str:
+    """`fail` if one fails, `pass` if all pass; `not judged` otherwise."""
+    if FAIL in verdicts:
+        return FAIL
+    return NOT_JUDGED if NOT_JUDGED in verdicts or not verdicts else PASS
 
 
 def _phase(watch: Watch, robot: Mapping[str, Series]) -> Figures:
@@ -153,7 +152,7 @@ def _phase(watch: Watch, robot: Mapping[str, Series]) -> Figures:
     grows = trend(*block_means(robot["t"][1:], late_us, _block_s(robot["t"])))
     kept = watch.drift_ns == 0 and len(watch.sessions) == 1
     return {
-        "verdict": None if not watch.heard else GOOD if kept else BAD,
+        "verdict": NOT_JUDGED if not watch.heard else PASS if kept else FAIL,
         "drift_ns": watch.drift_ns,
         "states": watch.heard,
         "sessions": len(watch.sessions),
@@ -177,9 +176,19 @@ def _deadlines(robot: Mapping[str, Series], summary: Mapping[str, Any] | None) -
     rate = in_time / asked if asked else None
     outside = _grown(robot["misses_outside_stalls_total"])
     stops = None if summary is None else summary["safe_stops"]
-    judged = None if rate is None else deadline_verdict(rate, safe_stop=bool(stops))
+    run = summary or {"success_rate": {"worst_window": None}, "misses": {"longest_run": 0}}
+    worst, longest = run["success_rate"]["worst_window"], run["misses"]["longest_run"]
+    judged = judge_deadlines(
+        {
+            **run,
+            "ticks": in_time + failures,
+            "skipped": lapsed,
+            "success_rate": {"run": _ratio(in_time, in_time + failures), "worst_window": worst},
+            "misses_outside_stalls": outside,
+        }
+    )
     return {
-        "verdict": "unfit" if stops else judged,
+        **judged,
         "ticks": asked,
         "in_time": in_time,
         "late": late,
@@ -191,8 +200,8 @@ def _deadlines(robot: Mapping[str, Series], summary: Mapping[str, Any] | None) -
             None if outside is None else _ratio(in_time, in_time + outside)
         ),
         "worst_round": _worst(robot["t"][told][1:], met, missed + skipped),
-        "worst_window": None if summary is None else summary["success_rate"]["worst_window"],
-        "longest_run": None if summary is None else summary["misses"]["longest_run"],
+        "worst_window": worst,
+        "longest_run": None if summary is None else longest,
         "safe_stops": stops,
         "host_stalls": _grown(robot["host_stalls_total"]),
         "host_stall_seconds": _grown(robot["host_stall_seconds_total"]),
@@ -229,7 +238,7 @@ def _log(
         and all(size is not None and size <= cap_bytes for size in most.values())
     )
     return {
-        "verdict": None if not known else GOOD if sound else BAD,
+        "verdict": NOT_JUDGED if not known else PASS if sound else FAIL,
         "lost": lost,
         "dropped": dropped,
         "most_mb": {side: None if size is None else size / 1e6 for side, size in most.items()},

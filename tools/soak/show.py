@@ -7,6 +7,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED
 from hoap3.tools.show.output import print_line, results
 from hoap3.tools.show.summary import coloured_verdict, known, machine_line
 from hoap3.tools.soak.judge import LIMIT_MB_H, memory_verdict
@@ -80,12 +81,12 @@ def _memory_words(processes: list[dict[str, Any]]) -> str:
     limit = f"{LIMIT_MB_H:g} MB/h with {CONFIDENCE:.0%} confidence"
     by_verdict = {
         verdict: [each["name"] for each in processes if memory_verdict(each["memory"]) == verdict]
-        for verdict in ("bad", None)
+        for verdict in (FAIL, NOT_JUDGED)
     }
-    if by_verdict["bad"]:
-        return f"grows by more than {limit}: {', '.join(by_verdict['bad'])}"
-    if by_verdict[None] or not processes:
-        which = f": {', '.join(by_verdict[None])}" if processes else ""
+    if by_verdict[FAIL]:
+        return f"grows by more than {limit}: {', '.join(by_verdict[FAIL])}"
+    if by_verdict[NOT_JUDGED] or not processes:
+        which = f": {', '.join(by_verdict[NOT_JUDGED])}" if processes else ""
         return f"too short to tell whether growth is below {limit}{which}"
     return f"every process grows by less than {limit}"
 
@@ -107,9 +108,9 @@ def _phase_words(phase: dict[str, Any]) -> str:
 def _deadline_words(found: dict[str, Any]) -> str:
     stops = f"safe stops {known(found['safe_stops'], 'd')}"
     if found["success_rate"] is None:
-        return f"nothing was asked in the measured time; {stops}"
+        return f"{found['text']} in the measured time; {stops}"
     words = (
-        f"success rate {found['success_rate']:.6f} of {found['ticks']} ticks: "
+        f"{found['text']}; success rate {found['success_rate']:.6f} of {found['ticks']} ticks: "
         f"late {found['late']}, lost {found['lost']}, skipped {found['skipped']}"
     )
     if found["success_rate_outside_stalls"] is not None:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from hoap3.protocol.errors import LogError
+from hoap3.protocol.config.settings import parse_yaml
+from hoap3.protocol.errors import ConfigError, LogError
 from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.disk_rows import DiskRows, RowsAt
@@ -47,6 +48,7 @@ class RobotSide:
         lockstep: all stamps are virtual.
         messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`, as it counted.
         safe_stops: how often misses, or a holder that vanished, made it stop.
+        misses_to_stop: misses in a row that stop it, by its config; None where that is not known.
     """
 
     period: int
@@ -60,6 +62,7 @@ class RobotSide:
     lockstep: bool
     messages: dict[str, int]
     safe_stops: int
+    misses_to_stop: int | None = None
 
     @classmethod
     def read(cls, path: Path | str) -> RobotSide:
@@ -94,6 +97,7 @@ class RobotSide:
             lockstep=told.lockstep,
             messages={name: int(states[-1][name] - states[0][name]) for name in _COUNTED},
             safe_stops=_safe_stops(told.rows(Kind.EVENT)),
+            misses_to_stop=_misses_to_stop(log),
         )
 
 
@@ -238,6 +242,14 @@ def stalls_of(events: Rows) -> list[Stall] | None:
         Stall(start, start + length)
         for start, length in zip(told["stamp"].tolist(), told["detail"].tolist(), strict=True)
     ]
+
+
+def _misses_to_stop(log: Log) -> int | None:
+    try:
+        found = parse_yaml(log.config, "config").get("misses_to_stop")
+    except (LogError, ConfigError, AttributeError):
+        return None
+    return found if isinstance(found, int) else None
 
 
 def _safe_stops(events: Rows) -> int:

@@ -5,37 +5,37 @@ Percentiles are nearest-rank: a value that was measured, exact.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, rank, verdict
+from hoap3.protocol.runtime.deadline_verdict import NOT_JUDGED, judge_deadlines
+from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, rank
 from hoap3.tools.machine.stall_figures import figures as stall_figures
 from hoap3.tools.timing.miss_attribution import Times
 from hoap3.tools.timing.tick_logs import NEVER, Stamps
 from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
 
-MISSES_TO_STOP = 20
-"""Misses in a row after which a robot with ordinary settings stops safely."""
 
-
-def tick_figures(tables: Sequence[TickTable], misses_to_stop: float = math.inf) -> dict[str, Any]:
+def tick_figures(
+    tables: Sequence[TickTable],
+    misses_to_stop: int | None = None,
+    realtime: Sequence[str] | None = None,
+) -> dict[str, Any]:
     """Everything that the ticks of some runs say.
 
     Args:
         tables: of runs that followed each other; `block` in `worst` counts them from 0.
-        misses_to_stop: misses in a row that count as a safe stop, where the robot itself goes on.
+        misses_to_stop: misses in a row that fail, where the robot itself goes on; None: those
+            that stop it.
+        realtime: real-time measures of the robot's process, where they are known.
     """
     in_time = np.concatenate([table.outcome == IN_TIME for table in tables])
     asked = np.concatenate([table.asked for table in tables])
     ticks = int(np.count_nonzero(asked))
     rate = float(np.mean(in_time[asked])) if ticks else None
-    scheduled = float(np.mean(in_time)) if ticks else 0.0  # skipped ticks were not in time either
-    longest = max((longest_run(table) for table in tables), default=0)
-    stopped = longest >= misses_to_stop or any(table.safe_stops for table in tables)
     windows = [found for table in tables if (found := worst_window(table)) is not None]
     outside, rate_outside = _outside_stalls(tables)
     stalls = [stall for table in tables for stall in table.stalls_of_motion or ()]
@@ -43,12 +43,7 @@ def tick_figures(tables: Sequence[TickTable], misses_to_stop: float = math.inf) 
     for table in tables:
         guilty.update(table.guilty_counts())
     ours = [name for name, _ in guilty.most_common() if name != "host"]
-    return {
-        "verdicts": {
-            "deadlines": verdict(scheduled, safe_stop=stopped),
-            "task": None,
-            "limits_and_balance": None,
-        },
+    figures = {
         **tables[0].rule,
         "ticks": ticks,
         "skipped": sum(table.count(SKIPPED) for table in tables),
@@ -59,7 +54,7 @@ def tick_figures(tables: Sequence[TickTable], misses_to_stop: float = math.inf) 
                 name: sum(table.messages[name] for table in tables)
                 for name in ("rejected", "duplicate", "out_of_order")
             },
-            "longest_run": longest,
+            "longest_run": max((longest_run(table) for table in tables), default=0),
         },
         "misses_outside_stalls": outside,
         "host_stalls": None if outside is None else stall_figures(stalls),
@@ -68,10 +63,16 @@ def tick_figures(tables: Sequence[TickTable], misses_to_stop: float = math.inf) 
             "outside_stalls": rate_outside,
             "worst_window": min(windows, default=None),
         },
+        "safe_stops": sum(table.safe_stops for table in tables),
         "guilty_stage": ours[0] if ours else None,
         "guilty": dict(guilty.most_common()),
         **_durations(tables),
     }
+    known = figures if realtime is None else {**figures, "realtime": realtime}
+    deadlines = judge_deadlines(known, misses_to_stop or tables[0].misses_to_stop)
+    verdicts = {"deadlines": deadlines.pop("verdict"), "task": NOT_JUDGED}
+    verdicts["limits_and_balance"] = NOT_JUDGED
+    return {"verdicts": verdicts, "deadlines": deadlines, **figures}
 
 
 def _durations(tables: Sequence[TickTable]) -> dict[str, Any]:

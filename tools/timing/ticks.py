@@ -64,6 +64,7 @@ class TickTable:
         lockstep: all stamps are virtual, so durations say nothing of this machine.
         messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`.
         safe_stops: how often misses, or a holder that vanished, made the robot stop.
+        misses_to_stop: misses in a row that stop it; None where that is not known.
     """
 
     period: int
@@ -83,6 +84,7 @@ class TickTable:
     lockstep: bool
     messages: dict[str, int]
     safe_stops: int
+    misses_to_stop: int | None = None
 
     @classmethod
     def from_run(cls, folder: Path | str) -> TickTable:
@@ -149,6 +151,7 @@ class TickTable:
             lockstep=robot.lockstep,
             messages=robot.messages,
             safe_stops=robot.safe_stops,
+            misses_to_stop=robot.misses_to_stop,
         )
 
     def after(self, warm_up: int) -> TickTable:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.runtime.deadlines import WINDOW, Deadlines, verdict
+from hoap3.protocol.runtime.deadlines import WINDOW, Deadlines
 
 WINDOWS = st.sampled_from([1, 2, 5, WINDOW])
 STEPS = st.lists(
@@ -69,23 +68,3 @@ def test_there_is_no_worst_window_before_the_first_is_full():
     assert deadlines.worst_window is None
     deadlines.hit()
     assert deadlines.worst_window == 0.01
-
-
-@pytest.mark.parametrize(
-    ("rate", "expected"),
-    [
-        (1.0, "fit"),
-        (0.95, "fit"),
-        (0.9499999, "warn"),
-        (0.90, "warn"),
-        (0.8999999, "unfit"),
-        (0.0, "unfit"),
-    ],
-)
-def test_the_verdict_on_both_sides_of_its_thresholds(rate, expected):
-    assert verdict(rate, safe_stop=False) == expected
-
-
-@pytest.mark.parametrize("rate", [0.0, 0.92, 1.0])
-def test_after_a_safe_stop_the_verdict_is_unfit(rate):
-    assert verdict(rate, safe_stop=True) == "unfit"

@@ -120,7 +120,7 @@ def test_an_end_in_full_motion_is_orderly(tmp_path: Path) -> None:
         check(run, code, signal.SIGINT, folder, {0, 1})
     summary = run.json()
     assert summary["ticks"] > 0
-    assert code == (1 if {"unfit", "bad"} & {*summary["verdicts"].values()} else 0)
+    assert code == (1 if {"fail"} & {*summary["verdicts"].values()} else 0)
     assert {path.name for path in folder.iterdir()} == {"robot.mcap", "controller.mcap"}
 
 

@@ -97,7 +97,7 @@ def test_a_controller_that_answers_nan(tmp_path: Path, mode: str) -> None:
     assert run.end() == 1
     assert_no_traceback(run)
     summary = run.json()
-    assert summary["verdicts"]["deadlines"] == "unfit"
+    assert summary["verdicts"]["deadlines"] == "fail"
     assert summary["safe_stops"] == 1
     assert summary["rejections"]["not_finite"] > 0
     assert summary["misses"]["longest_run"] >= 20

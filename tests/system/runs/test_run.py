@@ -73,11 +73,11 @@ def test_verdicts_and_exit_code_follow_from_the_counts(run: Command) -> None:
     assert rate == pytest.approx(in_time / summary["ticks"])
     stopped = summary["safe_stops"] > 0
     judged = in_time / (summary["ticks"] + summary["skipped"])  # a skipped tick is no success
-    expected = "unfit" if stopped or judged < 0.90 else "warn" if judged < 0.95 else "fit"
+    expected = "fail" if stopped or judged < 0.90 else "warn" if judged < 0.95 else "pass"
     verdicts = summary["verdicts"]
     assert verdicts["deadlines"] == expected
-    assert verdicts["limits_and_balance"] == ("bad" if summary["interventions"] else "good")
-    assert run.end() == (1 if expected == "unfit" or "bad" in verdicts.values() else 0)
+    assert verdicts["limits_and_balance"] == ("fail" if summary["interventions"] else "pass")
+    assert run.end() == (1 if expected == "fail" or "fail" in verdicts.values() else 0)
 
 
 def test_asked_and_skipped_ticks_make_up_the_duration(run: Command, folder: Path) -> None:

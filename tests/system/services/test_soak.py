@@ -26,7 +26,7 @@ def test_a_soak_tells_of_every_process_and_leaves_its_results_beside_the_logs(tm
         code = command.end()
         command.assert_no_orphan()
     found = command.json()
-    assert code == (0 if found["verdict"] == "good" else 1), command.stderr
+    assert code == (0 if found["verdict"] == "pass" else 1), command.stderr
     assert found["verdicts"].keys() == ABOUT
     assert {each["name"] for each in found["processes"]} == NAMES
     assert found["measured"]["rounds"] >= 10
@@ -35,7 +35,7 @@ def test_a_soak_tells_of_every_process_and_leaves_its_results_beside_the_logs(tm
         assert each["throughout"], each["name"]
         assert each["memory"]["min_mb"] > 10.0
         assert each["threads"]["min"] >= 1
-    assert found["verdicts"]["phase"] == "good"
+    assert found["verdicts"]["phase"] == "pass"
     assert found["phase"]["drift_ns"] == 0
     assert found["phase"]["states"] > 10
     assert found["deadlines"]["ticks"] > 1000
@@ -59,7 +59,7 @@ def test_a_soak_that_somebody_ends_tells_what_was_measured(tmp_path: Path):
         code = command.end(signal.SIGINT)
         command.assert_no_orphan()
     found = command.json()
-    assert code == (0 if found["verdict"] == "good" else 1), command.stderr
+    assert code == (0 if found["verdict"] == "pass" else 1), command.stderr
     assert found["interrupted"]
     assert found["measured"]["rounds"] >= 1
     assert {each["name"] for each in found["processes"]} == NAMES
@@ -75,7 +75,7 @@ def test_a_controller_that_dies_is_told_with_what_was_measured_until_then(tmp_pa
         command.assert_no_orphan()
     found = command.json()
     assert code == 1
-    assert found["verdicts"]["processes"] == found["verdict"] == "bad"
+    assert found["verdicts"]["processes"] == found["verdict"] == "fail"
     assert found["failure"]
     assert found["run"] is None
     assert found["measured"]["rounds"] >= 1

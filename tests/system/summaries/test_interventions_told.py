@@ -31,7 +31,7 @@ def test_they_are_counted_told_and_not_certified(folder: Path) -> None:
     held_back = counts["interventions"]
     assert held_back > 0
     assert re.search(rf"interventions +a joint was held back in {held_back} periods", told)
-    assert counts["verdicts"]["limits_and_balance"] == "bad"
+    assert counts["verdicts"]["limits_and_balance"] == "fail"
     assert counts["limits_and_balance"]["reasons"] == ["held_back"]
     joints = counts["limits_and_balance"]["held_back_joints"]
     assert 0 < joints["most_periods"] <= held_back

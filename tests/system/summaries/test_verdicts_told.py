@@ -13,7 +13,7 @@ from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
-GOOD = {"deadlines": "fit", "task": "good", "limits_and_balance": "good"}
+GOOD = {"deadlines": "pass", "task": "pass", "limits_and_balance": "pass"}
 FAR = ("--set", "controller.parameters.target_m=[9,9,9]")
 
 
@@ -27,7 +27,7 @@ def test_a_default_run_passes_all_three(tmp_path: Path) -> None:
     for key in ("verdicts", "task", "limits_and_balance"):
         assert report.json()[key] == summary[key]
     page = (tmp_path / "log" / "report.html").read_text(encoding="utf-8")
-    assert re.findall(r'class="badge (\w+)"', page) == ["fit", "good", "good"]
+    assert re.findall(r'class="badge (\w+)"', page) == ["pass", "pass", "pass"]
 
 
 @pytest.mark.slow
@@ -35,13 +35,13 @@ def test_an_unreachable_target_is_no_success(tmp_path: Path) -> None:
     words = ("run", "--lockstep", "--duration", "2", *FAR)
     done = inside(*words, "--out", tmp_path / "log")
     assert done.code == 1
-    assert re.search(r"^deadlines +fit", done.stdout, re.MULTILINE)
-    assert re.search(r"^task +bad: error above tolerance", done.stdout, re.MULTILINE)
-    assert re.search(r"^limits and balance +bad: .*left the support", done.stdout, re.MULTILINE)
+    assert re.search(r"^deadlines +pass", done.stdout, re.MULTILINE)
+    assert re.search(r"^task +fail: error above tolerance", done.stdout, re.MULTILINE)
+    assert re.search(r"^limits and balance +fail: .*left the support", done.stdout, re.MULTILINE)
     told = inside("report", tmp_path / "log", "--json")
     assert told.code == 1
     verdicts = told.json()["verdicts"]
-    assert verdicts == {"deadlines": "fit", "task": "bad", "limits_and_balance": "bad"}
+    assert verdicts == {"deadlines": "pass", "task": "fail", "limits_and_balance": "fail"}
     without_log = inside(*words, "--json", "--set", "emulator.log.record=false").json()
     assert without_log["verdicts"] == verdicts
 
@@ -60,7 +60,7 @@ def test_the_robot_alone_says_what_the_wire_tells() -> None:
     for record in log.records:
         statistics.add(record)
     summary = statistics.summary()
-    assert summary["verdicts"] == {**GOOD, "task": None, "limits_and_balance": None}
+    assert summary["verdicts"] == {**GOOD, "task": "not judged", "limits_and_balance": "not judged"}
     assert summary["task"]["reasons"] == ["not_told_by_controller"]
     (reasons,) = summary["certificates"]["reasons"].values()
     assert reasons == {"the reason is in the controller's log": 50}

@@ -68,7 +68,7 @@ def test_what_is_not_certified_is_a_finding(five):
     found = by_label(five[0])
     assert found["qp12_paper@gamma=0"]["certificates"]["certified"] == 2000
     assert found["pinv"]["certificates"]["uncertified"] > 0
-    assert [each["verdicts"]["task"] for each in found.values()] == ["bad"] * 5  # too short
+    assert [each["verdicts"]["task"] for each in found.values()] == ["fail"] * 5  # too short
     findings = [each for each in five[0]["findings"] if "answers are" in each]
     labels = {each.split(":")[0] for each in findings}
     assert labels == {"pinv", "osqp"}

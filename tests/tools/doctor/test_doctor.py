@@ -131,7 +131,7 @@ def test_the_cache_for_kernels_is_known_to_be_kept_or_not(tmp_path):
 
 def test_the_verdict_is_that_of_the_worst_finding():
     findings = [Finding("a", level, "") for level in (OK, ADVICE, PROBLEM)]
-    assert [verdict(findings[:n]) for n in range(4)] == ["fit", "fit", "warn", "unfit"]
+    assert [verdict(findings[:n]) for n in range(4)] == ["pass", "pass", "warn", "fail"]
 
 
 def test_this_machine_is_examined(tmp_path):
@@ -224,4 +224,4 @@ def test_people_read_standard_output_and_programs_one_object():
     for finding in content["findings"]:
         assert finding.keys() == {"name", "level", "found", "remedy"}
         assert finding["name"] in told.stdout
-    assert told.returncode == printed.returncode == (content["verdict"] == "unfit")
+    assert told.returncode == printed.returncode == (content["verdict"] == "fail")

@@ -152,7 +152,7 @@ def test_people_and_programs_are_told_the_same(measured, capsys):
     assert found["verdicts"]["deadlines"] in printed
     done = command("--log", folder / "block0", "--json")
     assert done.exit_code in {0, 1}
-    assert (done.exit_code == 1) == (json.loads(done.stdout)["verdicts"]["deadlines"] == "unfit")
+    assert (done.exit_code == 1) == (json.loads(done.stdout)["verdicts"]["deadlines"] == "fail")
     assert json.loads(done.stdout) == json.loads(json.dumps(analyse_log(folder / "block0")))
 
 
@@ -184,11 +184,11 @@ def test_the_exit_code_is_the_verdict(tmp_path, lost, code):
 def test_a_log_that_was_cut_off_is_not_called_fit(tmp_path):
     Story(500).write(tmp_path)
     file = tmp_path / "robot.mcap"
-    assert analyse_log(tmp_path)["verdicts"]["deadlines"] == "fit"
+    assert analyse_log(tmp_path)["verdicts"]["deadlines"] == "pass"
     file.write_bytes(file.read_bytes()[:-100])
     found = analyse_log(tmp_path)
     assert found["missing"]
-    assert found["verdicts"]["deadlines"] is None
+    assert found["verdicts"]["deadlines"] == "not judged"
 
 
 def test_a_log_that_is_lost_in_a_block_ends_the_measurement(monkeypatch):

@@ -122,7 +122,7 @@ def test_a_safe_stop_is_told_before_anything_else(tmp_path):
     content = read_content(active_log(tmp_path, events=(stop,)))
     assert "brought to a safe stop" in said(content)
     assert content.as_json()["safe_stops"] == 1
-    assert content.timing.verdict == "unfit"
+    assert content.timing.verdict == "fail"
 
 
 def test_a_robot_without_soles_has_a_path_and_no_polygon(tmp_path):
@@ -194,9 +194,9 @@ def command():
 def test_the_command_writes_the_page_and_prints_one_object(command, story, tmp_path):
     done = command(story[0], "--out", tmp_path / "page.html", "--json")
     figures = json.loads(done.stdout)
-    assert done.exit_code == ("bad" in figures["verdicts"].values())
+    assert done.exit_code == ("fail" in figures["verdicts"].values())
     assert figures["report"] == str(tmp_path / "page.html")
-    assert figures["verdicts"]["deadlines"] == "fit"
+    assert figures["verdicts"]["deadlines"] == "pass"
     assert figures["rtt_us"]["n"] == 600 - 2 - 7  # two skipped, seven lost
     assert Page((tmp_path / "page.html").read_text(encoding="utf-8")).figures()
 
@@ -227,8 +227,8 @@ def test_a_log_that_was_cut_off_is_a_finding(side, lost, command, lockstep, tmp_
     figures = json.loads(done.stdout)
     assert done.exit_code == 1
     assert list(figures["damaged"]) == [side]
-    assert figures["verdicts"][lost] in {None, "bad"}
-    assert figures["verdicts"]["limits_and_balance"] == "bad"
+    assert figures["verdicts"][lost] in {"not judged", "fail"}
+    assert figures["verdicts"]["limits_and_balance"] == "fail"
     assert "damaged" in figures["limits_and_balance"]["reasons"]
     assert f"{side}.mcap" in done.stderr
     assert "record --repair" in done.stderr
@@ -265,7 +265,7 @@ def test_a_controller_that_never_told_what_its_answers_came_to_is_a_finding(comm
     done = command(folder, "--json")
     figures = json.loads(done.stdout)
     assert done.exit_code == 1
-    assert figures["verdicts"]["task"] == "bad"
+    assert figures["verdicts"]["task"] == "fail"
     assert figures["task"]["reasons"] == ["not_told_by_controller"]
     assert figures["damaged"] == {}
     alone = json.loads(command(Story(300).write(unheard, controller=False), "--json").stdout)
@@ -300,9 +300,9 @@ def summed_up(folder, *, at: int, **about):
 
 def test_a_summary_before_the_last_answer_is_no_outcome(tmp_path):
     ended = read_content(summed_up(tmp_path / "ended", at=400)).judged
-    assert ended["verdicts"]["task"] == "good"
+    assert ended["verdicts"]["task"] == "pass"
     going_on = read_content(summed_up(tmp_path / "on", at=150)).judged
-    assert going_on["verdicts"]["task"] == "bad"
+    assert going_on["verdicts"]["task"] == "fail"
     assert going_on["task"]["reasons"] == ["not_told_by_controller"]
 
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 
+from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
 from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.plant_rows import plant_rows
 from hoap3.tools.show.verdicts import in_words, judge
 
+IN_TIME = unknown_deadlines("", "", "pass")
 TOLD = {"tasks": [], "certifiable": 0, "certified": 0, "margin": None, "balance": None}
 STOPS = {
     "periods": 4900, "first": "RHand", "first_tick": 62, "furthest": "LHand",
@@ -21,18 +23,18 @@ FALLEN = {**BASE, "largest_tilt_deg": 178.0, "fallen_tick": 410}
 
 
 def limits(summary: dict[str, Any]) -> dict[str, Any]:
-    return judge("fit", 0, 0, TOLD, body=body_of(summary))
+    return judge(IN_TIME, 0, 0, TOLD, body=body_of(summary))
 
 
 @pytest.mark.parametrize(
     ("summary", "expected"),
     [
-        ({}, ("good", [])),
-        ({"beyond_stops": None, "base": None}, ("good", [])),
-        ({"beyond_stops": None, "base": BASE}, ("good", [])),
-        ({"beyond_stops": STOPS}, ("bad", ["beyond_stops"])),
-        ({"base": FALLEN}, ("bad", ["fallen"])),
-        ({"beyond_stops": STOPS, "base": FALLEN}, ("bad", ["beyond_stops", "fallen"])),
+        ({}, ("pass", [])),
+        ({"beyond_stops": None, "base": None}, ("pass", [])),
+        ({"beyond_stops": None, "base": BASE}, ("pass", [])),
+        ({"beyond_stops": STOPS}, ("fail", ["beyond_stops"])),
+        ({"base": FALLEN}, ("fail", ["fallen"])),
+        ({"beyond_stops": STOPS, "base": FALLEN}, ("fail", ["beyond_stops", "fallen"])),
     ],
 )
 def test_limits_and_balance_rest_on_what_was_measured(summary, expected):

@@ -67,13 +67,13 @@ def soaked(
     return watch
 
 
-def verdicts(watch: Watch, summary: dict[str, Any] | None = SUMMARY) -> dict[str, str | None]:
+def verdicts(watch: Watch, summary: dict[str, Any] | None = SUMMARY) -> dict[str, str]:
     return judge(watch, BEGIN_S, summary, CAP)["verdicts"]
 
 
 def test_what_is_sound_is_good_in_all():
     found = judge(soaked(), BEGIN_S, SUMMARY, CAP)
-    assert found["verdict"] == "good", found["verdicts"]
+    assert found["verdict"] == "pass", found["verdicts"]
     assert found["deadlines"]["success_rate"] == 1.0
     assert found["deadlines"]["ticks"] == 1000 * (TIMES[-1] - TIMES[0])
     assert found["phase"]["wakeup_mean_us"] == pytest.approx(20.0)
@@ -83,31 +83,31 @@ def test_what_is_sound_is_good_in_all():
 def test_a_leak_of_two_megabytes_an_hour_is_found_in_noise(seed):
     found = judge(soaked(leak_mb_h=2.0, seed=seed), BEGIN_S, SUMMARY, CAP)
     (process,) = found["processes"]
-    assert found["verdicts"]["memory"] == found["verdict"] == "bad"
+    assert found["verdicts"]["memory"] == found["verdict"] == "fail"
     assert process["memory"]["slope_mb_per_hour"] == pytest.approx(2.0, abs=0.2)
     below = judge(soaked(leak_mb_h=0.5, seed=seed), BEGIN_S, SUMMARY, CAP)
-    assert below["verdicts"]["memory"] == "good"
+    assert below["verdicts"]["memory"] == "pass"
 
 
 def test_growth_that_may_be_either_is_not_judged_and_the_whole_is_not_good():
     found = judge(soaked(leak_mb_h=1.0, noise_mb=10.0), BEGIN_S, SUMMARY, CAP)
-    assert found["verdicts"]["memory"] is None
-    assert found["verdict"] is None
+    assert found["verdicts"]["memory"] == "not judged"
+    assert found["verdict"] == "not judged"
 
 
 def test_a_descriptor_that_is_left_open_is_found_and_one_that_is_closed_again_is_none():
     leaking = np.where(TIMES > 3000, 23, 22)
-    assert verdicts(soaked(descriptors=leaking))["descriptors"] == "bad"
+    assert verdicts(soaked(descriptors=leaking))["descriptors"] == "fail"
     passing = np.full(len(TIMES), 22)
     passing[[0, 300, -1]] = 24
-    assert verdicts(soaked(descriptors=passing))["descriptors"] == "good"
+    assert verdicts(soaked(descriptors=passing))["descriptors"] == "pass"
     assert count_figures(passing) == {"begin": 22, "end": 22, "min": 22, "max": 24}
 
 
 def test_a_process_that_ends_early_is_found_and_a_run_that_fails():
-    assert verdicts(soaked(until_s=3000.0))["processes"] == "bad"
+    assert verdicts(soaked(until_s=3000.0))["processes"] == "fail"
     failed = judge(soaked(), BEGIN_S, None, CAP)
-    assert failed["verdicts"]["processes"] == failed["verdict"] == "bad"
+    assert failed["verdicts"]["processes"] == failed["verdict"] == "fail"
     assert failed["deadlines"]["success_rate"] == 1.0
 
 
@@ -116,7 +116,7 @@ def test_a_schedule_that_moves_is_found(moved):
     watch = soaked()
     watch.hear(live(6_000_000, **moved))
     found = judge(watch, BEGIN_S, SUMMARY, CAP)
-    assert found["verdicts"]["phase"] == "bad"
+    assert found["verdicts"]["phase"] == "fail"
     assert found["phase"]["drift_ns"] > 0
 
 
@@ -139,7 +139,7 @@ def test_a_robot_that_began_anew_is_found():
     watch = soaked()
     watch.hear(live(0, session_id=2, stamp_intended=9_000_000_123))
     assert watch.drift_ns == 0
-    assert verdicts(watch)["phase"] == "bad"
+    assert verdicts(watch)["phase"] == "fail"
 
 
 def test_misses_of_the_measured_time_count_and_those_before_do_not():
@@ -167,12 +167,12 @@ def test_a_robot_that_rests_asks_for_nothing_and_its_skipped_ticks_are_no_misses
     stopped = {**SUMMARY, "safe_stops": 1}
     found = judge(soaked(robot=figures), BEGIN_S, stopped, CAP)
     assert found["deadlines"]["success_rate"] == 1.0
-    assert found["verdicts"]["deadlines"] == "unfit"
+    assert found["verdicts"]["deadlines"] == "fail"
     figures["deadlines_met_total"] = np.full(len(TIMES), 600_000.0)
     silent = judge(soaked(robot=figures), BEGIN_S, SUMMARY, CAP)
     assert silent["deadlines"]["success_rate"] is None
-    assert silent["verdicts"]["deadlines"] is None
-    assert silent["verdict"] is None
+    assert silent["verdicts"]["deadlines"] == "not judged"
+    assert silent["verdict"] == "not judged"
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_a_robot_that_rests_asks_for_nothing_and_its_skipped_ticks_are_no_misses
     ],
 )
 def test_a_log_that_is_lost_or_has_gaps_or_outgrows_its_cap_is_found(figures):
-    assert verdicts(soaked(robot=figures))["log"] == "bad"
+    assert verdicts(soaked(robot=figures))["log"] == "fail"
 
 
 def test_a_scrape_without_an_answer_is_found_and_the_counts_go_on():
@@ -193,14 +193,14 @@ def test_a_scrape_without_an_answer_is_found_and_the_counts_go_on():
     watch = soaked(robot={"deadlines_met_total": met})
     watch.unanswered = 1
     found = judge(watch, BEGIN_S, SUMMARY, CAP)
-    assert found["verdicts"]["metrics"] == "bad"
+    assert found["verdicts"]["metrics"] == "fail"
     assert found["deadlines"]["ticks"] == 1000 * (TIMES[-1] - TIMES[0])
 
 
 def test_before_the_warm_up_is_over_nothing_is_judged():
     found = judge(soaked(), END_S, SUMMARY, CAP)
     assert found["processes"] == []
-    assert found["verdict"] is None
+    assert found["verdict"] == "not judged"
     assert found["measured"] == {"from_s": None, "to_s": None, "rounds": 0}
 
 

@@ -43,5 +43,5 @@ def test_however_little_was_seen_it_is_shown(rounds, tmp_path: Path, capsys):
     show_soak(found)
     shown = capsys.readouterr().out
     assert found["failure"] in shown
-    assert found["verdict"] == "bad"
+    assert found["verdict"] == "fail"
     assert ("robot " in shown.split("memory")[0]) == (rounds > 1)

@@ -156,5 +156,5 @@ def test_the_example_is_checked_runs_and_is_true(tmp_path):
     assert inside("trajectory", "check", example / "wave.csv", *given).code == 0
     given = "--controller", example / "wave.yaml", "--duration", "5", "--json"
     summary = inside("run", "--lockstep", *given, "--out", tmp_path / "run").json()
-    assert set(summary["verdicts"].values()) <= {"fit", "good"}
+    assert set(summary["verdicts"].values()) <= {"pass"}
     assert verify(tmp_path / "run").verdict == "true"

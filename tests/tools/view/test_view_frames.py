@@ -14,7 +14,6 @@ from hoap3.tools.view.picture.changeable import sliders
 from hoap3.tools.view.picture.frame import Frames
 from hoap3.tools.view.picture.geometry import looks_of
 from hoap3.tools.view.picture.kinematics import Poses
-from hoap3.tools.view.picture.verdicts import LiveVerdicts
 
 ROBOT = hoap3.load_robot("hoap3")
 
@@ -85,47 +84,6 @@ def test_the_speed_of_a_joint_is_judged_by_its_limit(frames, state):
     found = frames.frame(state, None)["values"]
     assert found["speed_share"] == pytest.approx(0.5)
     assert found["fastest"] == pytest.approx(0.5 * ROBOT.velocity[3])
-
-
-def test_deadlines_are_judged_by_what_was_missed_since_the_first_look(state):
-    verdicts = LiveVerdicts(ROBOT)
-    verdicts.look(state, None)
-    assert verdicts.as_json(None)["deadlines"] is None
-    state.tick += 1000
-    state.lost += 20
-    verdicts.look(state, None)
-    assert verdicts.as_json(None)["deadlines"] == "fit"
-    state.lost += 60
-    verdicts.look(state, None)
-    assert verdicts.as_json(None)["deadlines"] == "warn"
-    state.late += 60
-    verdicts.look(state, None)
-    assert verdicts.as_json(None)["deadlines"] == "unfit"
-
-
-def test_limits_are_judged_by_stops_and_margins(state):
-    verdicts = LiveVerdicts(ROBOT, 1e-6)
-    setpoint = answer(state)
-    setpoint.margin = -5e-7
-    verdicts.look(state, setpoint)
-    assert verdicts.as_json(None)["limits_and_balance"] == "good"
-    setpoint.margin = -5e-6
-    verdicts.look(state, setpoint)
-    assert verdicts.as_json(None)["limits_and_balance"] == "bad"
-    again = LiveVerdicts(ROBOT, 10**400)  # as JSON has it
-    state.q[0] = ROBOT.upper_hard[0] + 1e-3
-    again.look(state, None)
-    assert again.as_json(None)["limits_and_balance"] == "bad"
-
-
-def test_tasks_are_judged_as_they_stand():
-    verdicts = LiveVerdicts(ROBOT)
-    tasks = [{"judged": True, "within": True}, {"judged": False, "within": False}]
-    assert verdicts.as_json(tasks)["task"] == "good"
-    tasks[0]["within"] = False
-    assert verdicts.as_json(tasks)["task"] == "bad"
-    assert verdicts.as_json([])["task"] is None
-    assert verdicts.as_json("nonsense")["task"] is None
 
 
 def test_sliders_have_the_bounds_that_the_controller_tells():

@@ -282,7 +282,7 @@ def test_a_greeting_is_json(source):
 
 def test_the_verdict_is_that_of_the_whole_run(source):
     player = source.player()
-    assert player.frame()["verdicts"]["deadlines"] == "fit"
+    assert player.frame()["verdicts"]["deadlines"]["verdict"] == "pass"
 
 
 def test_a_second_log_is_its_ghost(log, tmp_path):
@@ -379,7 +379,7 @@ def test_a_summary_that_is_nonsense_gives_no_verdict(tmp_path):
     write(path, records, attachments=files)
     source = LogSource([path])
     try:
-        assert source.player().frame()["verdicts"]["deadlines"] is None
+        assert source.player().frame()["verdicts"]["deadlines"]["verdict"] == "not judged"
     finally:
         source.close()
 

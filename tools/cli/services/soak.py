@@ -85,7 +85,7 @@ def soak(
         print_json(soaked)
     else:
         show_soak(soaked)
-    raise typer.Exit(0 if soaked["verdict"] == "good" else 1)
+    raise typer.Exit(0 if soaked["verdict"] == "pass" else 1)
 
 
 def _minutes(hours: float | None, minutes: float | None) -> float:

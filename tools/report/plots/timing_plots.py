@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.deadlines import FIT, WARN, WINDOW
+from hoap3.protocol.runtime.deadline_verdict import FAIL_WINDOW, PASS_WINDOW
+from hoap3.protocol.runtime.deadlines import WINDOW
 from hoap3.tools.html.canvas import BUCKETS, canvas
 from hoap3.tools.html.drawing import Drawing, Key
 from hoap3.tools.html.numbers import NAMES, count, number, spread, summary
@@ -88,14 +89,14 @@ def _success(timing: Timing) -> Drawing:
     first = min(WINDOW, timing.asked) - 1  # before, there is no full window
     recent = 100.0 * timing.recent()[first:]
     with canvas("success", 275) as drawing:
-        drawing.threshold(100.0 * FIT, "green")
-        drawing.threshold(100.0 * WARN, "red")
+        drawing.threshold(100.0 * PASS_WINDOW, "green")
+        drawing.threshold(100.0 * FAIL_WINDOW, "red")
         drawing.line(timing.seconds[timing.table.asked][first:], recent, "blue")
-        least = min(float(recent.min()), 100.0 * WARN)
+        least = min(float(recent.min()), 100.0 * FAIL_WINDOW)
         drawing.axes.set_ylim(max(least - 0.15 * (100.0 - least), -2.0), 101.0)
         drawing.time(timing.duration_s, f"answers in time [% of the last {WINDOW}]")
     title = f"Any {WINDOW} ticks in a row: at least {number(float(recent.min()))} % in time"
-    lines = (Key("green", "fit from here on", "dash"), Key("red", "unfit below", "dash"))
+    lines = (Key("green", "pass from here on", "dash"), Key("red", "fail below", "dash"))
     keys = (Key("blue", f"of the last {WINDOW} ticks that asked"), *lines)
     return Drawing("success", title, drawing.svg, keys, spread(summary(recent), "%"))
 

@@ -21,10 +21,10 @@ from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
 from hoap3.robot_emulator.robots import available
 from hoap3.tools.services.client import check_name, client_settings
 from hoap3.tools.show.event_words import event_name, in_words, is_routine
+from hoap3.tools.show.verdicts import judge_reported, shown
 from hoap3.tools.view.picture.changeable import sliders
 from hoap3.tools.view.picture.frame import Frames, finite
 from hoap3.tools.view.picture.geometry import looks_of
-from hoap3.tools.view.picture.verdicts import LiveVerdicts
 from hoap3.tools.view.sources.questions import Answer, Questions
 
 ASK_S = 1.0  # between two questions of how they are
@@ -69,13 +69,12 @@ class Met:
     """What was learnt of a robot and of its controller, as a whole.
 
     Attributes:
-        frames, verdicts: made for these.
+        frames: made for these.
         about: what the controller tells of itself; empty where it does not.
         who: holder and session before that was learnt; None where the robot did not tell.
     """
 
     frames: Frames
-    verdicts: LiveVerdicts
     about: Answer
     who: tuple[Any, Any] | None
 
@@ -217,16 +216,15 @@ class Live:
                 self._note("the robot says of a joint or its base what is no number: not shown")
             return None
         self._last = newest.place
-        met.verdicts.look(newest.state, newest.setpoint)
         found = met.frames.frame(newest.state, newest.setpoint)
         if newest.took_ns is not None:
             found["values"]["answer_us"] = round(newest.took_ns / 1e3, 1)
-        tasks = self._tasks.get("tasks")
+        tasks, outcome = self._tasks.get("tasks"), self._tasks.get("outcome")
         return {
             **found,
             "holder": self._status.get("holder"),
             "stop_reason": self._status.get("stop_reason"),
-            "verdicts": met.verdicts.as_json(tasks),
+            "verdicts": shown(judge_reported(self._status.get("counts") or {}, outcome)),
             "tasks": tasks if isinstance(tasks, list) else None,
         }
 
@@ -239,8 +237,6 @@ class Live:
         while self._heard:
             with suppress(WireError):  # anybody may publish there
                 event.load(self._heard.popleft())
-                if event.kind == _CONSTANTS["SAFE_STOP"]:
-                    self._met.verdicts.note_stop(event.detail)
                 if event.kind == _CONSTANTS["SKIPPED"]:
                     self._skipped += event.detail
                     self._skipped_at_s = told(event, self._met.frames)["at_s"]
@@ -272,8 +268,7 @@ class Live:
         now = self._ask.control("show")
         looks = looks_of(description, self._folder or _known(emulator))
         frames = Frames(description, looks, about, emulator)
-        verdicts = LiveVerdicts(description, about.get("margin_tolerance"))
-        return Met(frames, verdicts, about, None if status is None else _who(status)), now
+        return Met(frames, about, None if status is None else _who(status)), now
 
     def _declare(self) -> list[Any]:
         sampled, declare = self._network.sampled_key, self._session.declare_subscriber

@@ -11,12 +11,10 @@ from typing import Any
 from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.errors import ConfigError, LogError, UsageError
 from hoap3.protocol.messages import State
-from hoap3.protocol.runtime.deadlines import verdict
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.robots import available
 from hoap3.tools.logs.indexed_log import IndexedLog
-from hoap3.tools.show.body_findings import body_of
-from hoap3.tools.show.verdicts import judge
+from hoap3.tools.show.verdicts import judge_reported, shown
 from hoap3.tools.view.picture.frame import Frames, rounded
 from hoap3.tools.view.picture.geometry import looks_of
 from hoap3.tools.view.sources.log_overview import Overview
@@ -82,24 +80,13 @@ class ShownLog:
                         return record.stamp, skipped
         return None
 
-    def _judge(self, law: IndexedLog | None) -> dict[str, str | None]:
+    def _judge(self, law: IndexedLog | None) -> dict[str, dict[str, str]]:
         """The verdicts on the run, as far as its ends tell; see `hoap3.tools.show.verdicts`."""
         robot = _summary(self.log) if self.log.side == "robot" else None
         outcome = None if law is None else _summary(law)
-        told = robot or {}
-        asked, deadlines = _count(told, "asked"), None
-        if asked:
-            last = self.log.state_at(self.log.end)
-            skipped = max(last.state.skipped - self._skipped, 0) if last else 0
-            rate = (_count(told, "in_time") or 0) / (asked + skipped)
-            deadlines = verdict(rate, safe_stop=bool(_count(told, "safe_stops")))
-        held, limited = _count(told, "interventions"), _count(told, "torque_limited")
-        try:
-            judged = judge(deadlines, held, limited, outcome, body=body_of(told))
-        except (KeyError, TypeError, ValueError, AttributeError):  # of a summary that is none
-            return dict.fromkeys(("deadlines", "task", "limits_and_balance"))
-        verdicts: dict[str, str | None] = judged["verdicts"]
-        return verdicts
+        last = self.log.state_at(self.log.end)
+        skipped = max(last.state.skipped - self._skipped, 0) if last else 0
+        return shown(judge_reported(robot or {}, outcome, skipped))
 
 
 class LogSource:
@@ -264,12 +251,6 @@ def _body(payload: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _count(told: Mapping[str, Any], key: str) -> int | None:
-    """A count of a summary; None where it is none."""
-    found = told.get(key)
-    return found if isinstance(found, int) else None
 
 
 def _known(emulator: Any) -> str | None:

@@ -32,14 +32,13 @@ export function showState(frame) {
 }
 
 const VERDICTS = { deadlines: "Deadlines", task: "Task", limits_and_balance: "Limits and balance" };
-const SIGNS = { fit: "✓", good: "✓", warn: "!", unfit: "✕", bad: "✕" };
+const SIGNS = { pass: "✓", warn: "!", fail: "✕" };
 
-/** @param {Record<string, string|null|{verdict: string|null, words: string}>} verdicts */
+/** @param {Record<string, {verdict: string, words: string}>} verdicts */
 export function showVerdicts(verdicts = {}) {
   const list = at("verdicts");
   for (const [key, name] of Object.entries(VERDICTS)) {
-    const told = verdicts[key];
-    const { verdict, words = "" } = told && typeof told === "object" ? told : { verdict: told };
+    const { verdict = "not judged", words = "" } = verdicts[key] ?? {};
     let row = list.querySelector(`[data-of="${key}"]`);
     if (!row) {
       row = make("li", {}, make("i"), make("b", { textContent: name }), make("span"), make("small"));
@@ -48,9 +47,9 @@ export function showVerdicts(verdicts = {}) {
       list.append(row);
     }
     const [sign, , word, why] = row.children;
-    sign.className = `sign ${verdict ?? "none"}`;
+    sign.className = `sign ${SIGNS[verdict] ? verdict : "none"}`;
     write(sign, SIGNS[verdict] ?? "–");
-    write(word, verdict ?? "not judged");
+    write(word, verdict);
     write(why, words);
     why.title = words;
   }

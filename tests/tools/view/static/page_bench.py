@@ -140,7 +140,7 @@ def frame(tick: int, **more: Any) -> dict[str, Any]:
             "is": -0.6 * math.exp(-at_s / 3),
             "margin": None,
         },
-        "verdicts": {"deadlines": "fit", "task": "bad", "limits_and_balance": None},
+        "verdicts": {"deadlines": "pass", "task": "fail", "limits_and_balance": None},
         **more,
     }
 

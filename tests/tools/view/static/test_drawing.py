@@ -86,8 +86,8 @@ def test_state_is_told_in_words(open_page):
         page.wait_for_selector("#mode[data-mode=stopped]")
         assert "misses" in page.inner_text("#mode")
         assert "qp12-4711" in page.inner_text("#holder")
-        assert "fit" in page.inner_text("[data-of=deadlines]")
-        assert "bad" in page.inner_text("[data-of=task]")
+        assert "pass" in page.inner_text("[data-of=deadlines]")
+        assert "fail" in page.inner_text("[data-of=task]")
         assert "not judged" in page.inner_text("[data-of=limits_and_balance]")
         assert page.locator("#joints li.near").count() == 1  # `lift`, at its upper limit
         assert "gamma" in page.locator("#config").text_content()
