@@ -32,8 +32,9 @@ class Outcome:
 
     def __init__(self, controller: Controller, description: RobotDescription) -> None:
         self._controller = controller
+        self._certifies = controller.certifies
         self._balance = balance_of(description)
-        self.answers = self._certifiable = self._certified = 0
+        self.answers = self._stated = self._certifiable = self._certified = 0
         self._without = Counter[int]()  # conditions, by bit, of answers that could be certified
         self._least_margin, self._least_of = math.inf, ("", "")
 
@@ -45,11 +46,13 @@ class Outcome:
         self.answers += 1
         if status == NONE:
             return
+        self._stated += 1
         margin = answer.margin
         if not margin >= self._least_margin:
             self._least_margin = -math.inf if math.isnan(margin) else margin  # NaN is a violation
             self._least_of = controller.margin_of()
-        if controller.certifies and not controller.present & controller.not_certified_in:
+        self._certifies |= status == STATUS["certified"]  # whatever the controller declares
+        if not controller.present & controller.not_certified_in:
             self._certifiable += 1
             if status in PROVED:
                 self._certified += 1
@@ -66,13 +69,16 @@ class Outcome:
         judged = tolerance is not None and self._least_margin < math.inf
         least = max(self._least_margin, -sys.float_info.max)  # JSON has no infinities
         of, unit = self._least_of
+        certifies = self._certifies and self._stated > 0
+        certifiable = self._certifiable + self.answers - self._stated  # silence proves nothing
         margin = {"least": least, "tolerance": tolerance, "of": of, "unit": unit}
         return {
             "answers": self.answers,
             "tasks": [error.as_json() for error in self._controller.task_errors()],
-            "certifiable": self._certifiable,
-            "certified": self._certified,
-            "not_certified": self._not_certified(),
+            "certifies": certifies,
+            "certifiable": certifiable if certifies else 0,
+            "certified": self._certified if certifies else 0,
+            "not_certified": self._not_certified() if certifies else {},
             "margin": margin if judged else None,
             "balance": None if self._balance is None else self._balance.as_json(),
         }

@@ -93,9 +93,10 @@ class Controller(ABC):
         conditions: names of what may hold in a cycle and people should know.
         present: which of them hold in this cycle: bit i for `conditions[i]`. Where one begins or
             ends, the log says so.
-        certifies: whether it can certify its answers. False for one that certifies only some, by
-            its design: then the share of certified answers says nothing of the motion.
-        not_certified_in: conditions, by bit, in which nothing is certified by design.
+        certifies: whether it can certify answers at all, with its solver and configuration.
+        not_certified_in: conditions, by bit, in which there is nothing that a certificate could
+            claim: priorities are in transition, or no task takes part. Their answers count as
+            not certifiable; where these are too many, the task is not judged.
         too_fast: bit of the condition that its law is too fast for the robot's servos, where
             nothing is certified; 0 where it is slow enough. See `servo_rate`.
         live: its targets that somebody steers, in the order in which messages count them.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -55,7 +56,20 @@ ToleranceDeg = Annotated[
 LOWER = "lower priority"
 ABSENT = "takes no part"
 
-Unit = Literal["m", "deg", "N", "N m"]
+SILENT = "reports no error"
+
+ErrorUnit = Literal["m", "rad", "N", "N m", ""]
+"""Of the error of a task, as its class declares it; "" for an error without a declared unit."""
+DEFAULT_TOLERANCES: dict[ErrorUnit, float] = {
+    "m": TOLERANCE_M,
+    "rad": math.radians(TOLERANCE_DEG),
+    "N": 0.5,
+    "N m": 0.05,
+    "": 1e-3,
+}
+"""By the unit of an error: the greatest norm that counts as reached, where nobody gives another."""
+
+Unit = Literal["m", "deg", "N", "N m", ""]
 
 
 @dataclass(frozen=True)
@@ -64,11 +78,12 @@ class TaskError:
 
     Attributes:
         error: size of the error, >= 0, in `unit`; NaN where it is not known.
-        unit: m, deg, N or N m.
+        unit: m, deg, N or N m; "" where the task declares none.
         tolerance: greatest error that counts as reached, in the same unit.
         task: name of the task.
         note: why the error is not judged, such as "lower priority"; "" where it is judged.
         reason: which tolerance was violated on the way, in words; "" for none.
+        default: whether `tolerance` is that of an error without a unit, which nobody gave.
     """
 
     error: float
@@ -77,6 +92,7 @@ class TaskError:
     task: str = ""
     note: str = ""
     reason: str = ""
+    default: bool = False
 
     @property
     def judged(self) -> bool:
@@ -99,6 +115,7 @@ class TaskError:
             "judged": self.judged,
             "note": self.note,
             "reason": self.reason,
+            "default_tolerance": self.default,
         }
 
 
@@ -108,6 +125,33 @@ def violated(violation: Violation) -> TaskError:
     scale = 1.0 if unit == "m" else math.degrees(1.0)
     error, tolerance = violation.error * scale, violation.tolerance * scale
     return TaskError(error, unit, tolerance, reason=str(violation))
+
+
+def norm_error(
+    error: FloatArray, unit: ErrorUnit = "", tolerance: float | None = None
+) -> list[TaskError]:
+    """Norm of an error (m,) of any task, with the tolerance of its unit where None is given."""
+    default = tolerance is None and not unit
+    most = DEFAULT_TOLERANCES[unit] if tolerance is None else tolerance
+    size = float(np.linalg.norm(error))
+    if unit == "rad":
+        return [TaskError(math.degrees(size), "deg", math.degrees(most))]
+    return [TaskError(size, unit, most, default=default)]
+
+
+def name_errors(errors: Sequence[TaskError], name: str, note: str = "") -> list[TaskError]:
+    """Errors of one task under its name; a term of a sum keeps its own name behind it.
+
+    Args:
+        errors: of the task; where there are none, that is listed as not judged.
+        name: of the task.
+        note: why they are not judged; "" where they are.
+    """
+    found = errors or [TaskError(math.nan, "", 0.0, note=SILENT)]
+    return [
+        replace(each, task=f"{name}: {each.task}" if each.task else name, note=each.note or note)
+        for each in found
+    ]
 
 
 def length_error(error: FloatArray, tolerance_m: float) -> list[TaskError]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
-from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.accuracy import ErrorUnit, TaskError, norm_error
 
 Level = Literal["velocity", "acceleration"]
 """What a controller decides on; those of torques follow accelerations."""
@@ -62,7 +63,13 @@ class LyapunovFunction(ABC):
         error_rate: ∂error/∂t, (m,), what the target's motion makes; 0 where nobody sets it.
         status: one of `tasks.status`.
         watched: whether it has tolerances that `watch` compares with.
+        tolerance: greatest |error|, or √(2V) where it has none, that counts as reached, in `unit`;
+            None: that of the unit.
     """
+
+    unit: ClassVar[ErrorUnit] = ""
+    """Of the error: "m", "rad", "N", "N m", or "" for any other."""
+    tolerance: float | None = None
 
     class Parameters(Settings):
         """Settings of this function; none here."""
@@ -148,5 +155,8 @@ class LyapunovFunction(ABC):
         return None
 
     def accuracy(self) -> list[TaskError]:
-        """Errors at the last `update`, each with its tolerance; empty where nothing is judged."""
-        return []
+        """Errors at the last `update`, each with its tolerance: |error|, or √(2V) without one."""
+        V = self.value
+        size = np.array([math.sqrt(2.0 * V) if V >= 0.0 else math.nan])
+        error = self.error if len(self.error) else size
+        return norm_error(error, self.unit, self.tolerance)

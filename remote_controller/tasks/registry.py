@@ -48,6 +48,12 @@ class TaskSettings(Settings):
 
     task: str = Field(description="registered name, or package.module:Class")
     parameters: dict[str, Any] = Field({}, description="settings of the task itself")
+    tolerance: float | None = Field(
+        None,
+        gt=0,
+        description="of a task of your own: greatest |e| at the end that counts as reached, in "
+        "the unit of e; null: that of the class, or of its unit",
+    )
 
 
 class LabelledTask(TaskSettings):
@@ -91,6 +97,10 @@ def check_parameters(
         problem = f"asks for no {level}"
         remedy = f"Choose a controller of the {' or '.join(found.levels)} level, or another task"
         raise ConfigError(file, f"{key}.task", settings.task, problem, remedy)
+    if settings.tolerance is not None and settings.task in BUILTIN:
+        problem = "is for tasks of your own"
+        remedy = "Give the tolerances of this task in its parameters"
+        raise ConfigError(file, f"{key}.tolerance", settings.tolerance, problem, remedy)
     return parse(found.Parameters, settings.parameters, file, f"{key}.parameters")
 
 
@@ -123,6 +133,8 @@ def build(
     with building(found, settings.task, description, parameters, file, *keys):
         try:
             function: LyapunovFunction = found.configured(context, parameters)
+            if settings.tolerance is not None:
+                getattr(function, "task", function).tolerance = settings.tolerance
             if settings.task not in BUILTIN:
                 at_name = BuildContext(description, kinematics, file, f"{key}.task")
                 check_derivatives(function, at_name, settings.task)

@@ -14,7 +14,7 @@ from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
-from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.accuracy import ErrorUnit, TaskError, norm_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, Level, LyapunovFunction
 
 
@@ -40,6 +40,9 @@ class Task(ABC):
 
     levels: ClassVar[tuple[Level, ...]] = LyapunovFunction.levels
     """Where it has meaning."""
+    unit: ClassVar[ErrorUnit] = ""
+    tolerance: float | None = None
+    """Of the error, as `LyapunovFunction` has them."""
 
     def __init__(self, dimension: int, joints: int) -> None:
         self.error = np.zeros(dimension)
@@ -65,13 +68,12 @@ class Task(ABC):
         """Write the quantity that is aimed at the target, (m,), into `out`."""
 
     def accuracy(self, asked: NDArray[np.bool_]) -> list[TaskError]:
-        """Size of the last error beside its tolerance; empty where nothing is to be judged.
+        """Size of the last error with its tolerance.
 
         Args:
             asked: components of e whose weight is not 0, (m,).
         """
-        del asked
-        return []
+        return norm_error(self.error[asked], self.unit, self.tolerance)
 
     def explicit_rate(self, out: FloatArray) -> None:
         """Write ∂e/∂t, (m,), which the target's motion makes, for the last `update`.

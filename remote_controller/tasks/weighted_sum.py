@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +12,7 @@ from pydantic import Field
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
-from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.accuracy import TaskError, name_errors
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 
@@ -25,7 +24,7 @@ class TermSettings(TaskSettings):
 
 
 class WeightedSum(LyapunovFunction):
-    """V = Σ w_i·V_i: a trade-off, which no term need reach on its own.
+    """V = Σ w_i·V_i: a trade-off; each term is judged on its own, by its own tolerance.
 
     V vanishes only where all terms do. Where they contradict each other V has a minimum above 0,
     at which the robot stops.
@@ -33,6 +32,7 @@ class WeightedSum(LyapunovFunction):
     Args:
         terms: any Lyapunov functions of the same robot.
         weights: w_i > 0, one for each.
+        names: of the terms, in verdicts; by default their numbers.
     """
 
     class Parameters(Settings):
@@ -42,7 +42,12 @@ class WeightedSum(LyapunovFunction):
             min_length=1, description="tasks, each with its weight"
         )
 
-    def __init__(self, terms: Sequence[LyapunovFunction], weights: Sequence[float]) -> None:
+    def __init__(
+        self,
+        terms: Sequence[LyapunovFunction],
+        weights: Sequence[float],
+        names: Sequence[str] = (),
+    ) -> None:
         n = len(terms[0].gradient)
         sizes = [len(term.error) for term in terms]
         super().__init__(n, sum(sizes) if all(sizes) else 0)
@@ -59,6 +64,7 @@ class WeightedSum(LyapunovFunction):
             for term, weight, size, end in zip(terms, weights, sizes, ends, strict=True)
         ]
         self._scaled = np.zeros(n)
+        self._names = names or [f"term {number + 1}" for number in range(len(terms))]
         self.watched = any(term.watched for term in terms)
 
     def without_error(self) -> str | None:
@@ -82,7 +88,8 @@ class WeightedSum(LyapunovFunction):
             )
             for number, term in enumerate(parameters.terms)
         ]
-        return cls(terms, [term.weight for term in parameters.terms])
+        names = [f"{number}. {term.task}" for number, term in enumerate(parameters.terms, 1)]
+        return cls(terms, [term.weight for term in parameters.terms], names)
 
     def reset(self, kinematics: Kinematics, time_s: float) -> None:
         """Reset each term."""
@@ -110,10 +117,9 @@ class WeightedSum(LyapunovFunction):
             self.status = self.status or term.status
 
     def accuracy(self) -> list[TaskError]:
-        """Errors of all terms; of several none is judged, since they may contradict each other."""
-        note = "term of a sum" if len(self._terms) > 1 else ""
+        """Errors of all terms, each judged: where they contradict each other, one fails."""
         return [
-            replace(error, note=error.note or note)
-            for term, *_ in self._terms
-            for error in term.accuracy()
+            error
+            for name, (term, *_) in zip(self._names, self._terms, strict=True)
+            for error in name_errors(term.accuracy(), name)
         ]

@@ -10,16 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hoap3.protocol.config.settings import parse
+from hoap3.protocol.config.settings import Settings, parse
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.balance import balance_of
-from hoap3.remote_controller.config import CONFIGS, ControllerConfig
+from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.outcome import EVERY, Outcome
 from hoap3.remote_controller.service import Service
+from hoap3.remote_controller.tasks.error_task import ErrorTask
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.show.certificate_count import CountingRecorder
 from hoap3.tools.show.verdicts import judge
@@ -109,14 +112,166 @@ def test_a_posture_has_the_greatest_error_of_any_joint():
     assert error["within"]
 
 
-def test_terms_of_a_sum_are_listed_and_not_judged():
+def test_each_term_of_a_sum_is_judged_by_its_own_tolerance():
     point = {"frame": "r_sole", "target": {"kind": "point", "position_m": [0.01, 0.025, 0.28]}}
-    term = {"task": "com", "parameters": point}
-    posture = {"task": "posture", "parameters": {"posture": "walk_ready"}}
-    both = stable("weighted_sum", terms=[term, posture])["tasks"]
-    assert [error["judged"] for error in both] == [False, False]
-    (single,) = stable("weighted_sum", terms=[term])["tasks"]
-    assert single["judged"]
+    term = {"task": "com", "parameters": {**point, "tolerance_m": 0.05}}
+    posture = {"task": "posture", "parameters": {"posture": "walk_ready", "tolerance_deg": 1e-3}}
+    both = stable("weighted_sum", terms=[term, posture])
+    names = ["weighted_sum: 1. com", "weighted_sum: 2. posture"]
+    assert [error["task"] for error in both["tasks"]] == names
+    assert [(error["judged"], error["within"]) for error in both["tasks"]] == [
+        (True, True),
+        (True, False),
+    ]
+    assert judge(IN_TIME, 0, 0, both)["verdicts"]["task"] == "fail"
+
+
+class Elbow(ErrorTask):
+    """e = q_0 - (start + away): a joint at a distance from where it starts."""
+
+    class Parameters(Settings):
+        away: float = 0.3
+        lost: bool = False
+
+    def __init__(self, description, kinematics, parameters):
+        super().__init__(description.n, 1)
+        self.q, self.parameters = np.zeros(description.n), parameters
+        self.goal = description.initial_position[0] + parameters.away
+        self.jacobian[0, 0] = 1.0
+
+    def evaluate(self, kinematics, time_s):
+        kinematics.joints(self.q)
+        self.error[0] = self.q[0] - self.goal
+
+
+class ElbowAngle(Elbow):
+    """The same with a unit."""
+
+    unit = "rad"
+
+
+class OwnElbow(Elbow):
+    """The same with a tolerance of its own."""
+
+    tolerance = 0.5
+
+
+class OnlyV(LyapunovFunction):
+    """V = ½(q_0 - start - 0.3)², without an error."""
+
+    def __init__(self, description, kinematics, parameters):
+        super().__init__(description.n)
+        self.q, self.goal = np.zeros(description.n), description.initial_position[0] + 0.3
+
+    def update(self, kinematics, time_s):
+        kinematics.joints(self.q)
+        away = self.q[0] - self.goal
+        self.value, self.gradient[0] = 0.5 * away**2, away
+
+
+class Silent(Elbow):
+    """The same, but it reports nothing."""
+
+    def accuracy(self):
+        return []
+
+
+def own(task: type, **entry: Any) -> Told:
+    """What a controller tells of a task of somebody else."""
+    given = {"task": f"{__name__}:{task.__name__}", **entry}
+    return run({"controller": "stable_qp", "parameters": {"task": given}}, 0.02)[0]
+
+
+@pytest.mark.parametrize(
+    ("task", "entry", "unit", "tolerance", "verdict"),
+    [
+        (Elbow, {}, "", 1e-3, "fail"),
+        (Elbow, {"parameters": {"away": 0.0}}, "", 1e-3, "pass"),
+        (Elbow, {"tolerance": 0.4}, "", 0.4, "pass"),
+        (ElbowAngle, {}, "deg", 0.5, "fail"),
+        (ElbowAngle, {"tolerance": 0.4}, "deg", math.degrees(0.4), "pass"),
+        (OwnElbow, {}, "", 0.5, "pass"),
+        (OwnElbow, {"tolerance": 0.1}, "", 0.1, "fail"),
+        (OnlyV, {}, "", 1e-3, "fail"),
+        (OnlyV, {"tolerance": 0.4}, "", 0.4, "pass"),
+    ],
+)
+def test_a_users_task_is_judged_like_ours(task, entry, unit, tolerance, verdict):
+    told = own(task, **entry)
+    (error,) = told["tasks"]
+    size = math.radians(error["error"]) if unit == "deg" else error["error"]
+    away = entry.get("parameters", {}).get("away", 0.3)
+    assert size == pytest.approx(away, rel=0.1)
+    assert (error["unit"], error["tolerance"]) == (unit, pytest.approx(tolerance))
+    assert error["judged"]
+    assert judge(IN_TIME, 0, 0, told)["verdicts"]["task"] == verdict
+    named = "default tolerance" in judge(IN_TIME, 0, 0, told)["task"]["text"]
+    assert named == error["default_tolerance"] == (tolerance == 1e-3)
+
+
+def test_a_task_that_reports_no_error_is_listed_and_a_run_with_it_alone_never_passes():
+    told = own(Silent)
+    (error,) = told["tasks"]
+    assert (error["error"], error["judged"], error["note"]) == (None, False, "reports no error")
+    judged = judge(IN_TIME, 0, 0, told)
+    assert judged["verdicts"]["task"] == "not judged"
+    assert judged["task"]["reasons"] == ["no_target"]
+
+
+@pytest.mark.parametrize("law", ["clik", "ghc_velocity"])
+def test_so_it_is_by_controllers_of_several_tasks(law):
+    task = {"name": "elbow", "task": f"{__name__}:Elbow"}
+    told = run({"controller": law, "parameters": {"tasks": [task]}}, 0.02)[0]
+    (error,) = told["tasks"]
+    assert (error["task"], error["within"], error["judged"]) == ("elbow", False, True)
+
+
+def test_a_task_of_ours_refuses_the_tolerance_of_others():
+    entry = {"task": "com", "tolerance": 0.1}
+    with pytest.raises(ConfigError, match=r"tolerance"):
+        run({"controller": "stable_qp", "parameters": {"task": entry}}, 0.02)
+
+
+def answers_of(statuses: list[int], present: list[int], certifies: bool) -> Told:
+    """What comes of answers with these statuses, while these conditions hold."""
+    controller = build(controller_settings("qp12"), HOAP3)
+    controller.certifies, controller.not_certified_in = certifies, 2
+    controller.conditions = ("touches", "priorities in transition")
+    outcome, state = Outcome(controller, HOAP3), State.allocate(**HOAP3.state_lengths)
+    for status, bits in zip(statuses, present, strict=True):
+        controller.present, controller.command.solver_status = bits, status
+        outcome.note(state, controller.command)
+    told = outcome.as_json()
+    within = {"within": True, "error": 0.0}
+    return {**told, "tasks": [{**error, **within} for error in told["tasks"]], "balance": None}
+
+
+CERTIFIED, UNCERTIFIED, NONE = 0, 2, 4
+
+
+@pytest.mark.parametrize(
+    ("statuses", "present", "certifies", "counts", "verdict"),
+    [
+        ([CERTIFIED] * 95 + [UNCERTIFIED] * 5, [0] * 100, True, (95, 100), "pass"),
+        ([CERTIFIED] * 94 + [UNCERTIFIED] * 6, [0] * 100, True, (94, 100), "fail"),
+        ([CERTIFIED] * 6 + [UNCERTIFIED] * 94, [0] * 6 + [1] * 94, True, (6, 100), "fail"),
+        ([CERTIFIED] * 80 + [UNCERTIFIED] * 20, [0] * 80 + [2] * 20, True, (80, 80), "not judged"),
+        ([UNCERTIFIED] * 20, [2] * 20, True, (0, 0), "not judged"),
+        ([CERTIFIED] * 96 + [UNCERTIFIED] * 4, [0] * 96 + [2] * 4, True, (96, 96), "pass"),
+        ([CERTIFIED] * 6 + [UNCERTIFIED] * 94, [0] * 100, False, (6, 100), "fail"),
+        ([CERTIFIED] * 6 + [NONE] * 94, [0] * 100, True, (6, 100), "fail"),
+        ([UNCERTIFIED] * 20, [0] * 20, False, (0, 0), "pass"),
+        ([NONE] * 20, [0] * 20, True, (0, 0), "pass"),
+    ],
+)
+def test_what_can_be_certified_is_what_a_controller_does(
+    statuses, present, certifies, counts, verdict
+):
+    told = answers_of(statuses, present, certifies)
+    assert (told["certified"], told["certifiable"]) == counts
+    judged = judge(IN_TIME, 0, 0, told)
+    assert judged["verdicts"]["task"] == verdict
+    assert f"{counts[0]} of {counts[1]}" in judged["task"]["text"] or counts == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +280,7 @@ def test_terms_of_a_sum_are_listed_and_not_judged():
         ("clik_ur5", "ur5", {"hand"}, True),
         ("hqp", "lwr_weightless", {"posture"}, False),
         ("ghc_velocity", "hoap3", {"com"}, True),
-        ("osqp", "hoap3", {"com"}, False),
+        ("osqp", "hoap3", {"com"}, True),
         ("tsid_baxter", "baxter", {"pose"}, True),
         ("joint_acceleration", "hoap3", {"posture"}, True),
         ("com_circulation", "hoap3", {"task_curve"}, True),

@@ -34,9 +34,10 @@ def final_error_words(summary: Mapping[str, Any]) -> str | None:
 
 
 def units_of_v(summary: Mapping[str, Any]) -> list[str]:
-    """Units of what V adds: one where all tasks have it, none where no controller told.
+    """Units of what V adds: one where all tasks have it, none where one is not known.
 
     Args:
         summary: with the `task` that `judge` returns.
     """
-    return sorted({_IN_V.get(error["unit"], error["unit"]) for error in summary["task"]["errors"]})
+    units = {_IN_V.get(error["unit"], error["unit"]) for error in summary["task"]["errors"]}
+    return [] if "" in units else sorted(units)

@@ -24,15 +24,17 @@ MOST_CONDITIONS = 3  # in words
 NOT_TOLD, NOT_TOLD_BY_ROBOT = "not_told_by_controller", "not_told_by_robot"
 NO_TARGET, DAMAGED = "no_target", "damaged"
 NOT_REACHED, NOT_CERTIFIED = "not_reached", "not_certified"
+NOT_CERTIFIABLE = "not_certifiable"
 HELD_BACK, WEAK = "held_back", "torque_limited"
 MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
 REASONS = {
     NOT_TOLD: "not told by the controller",
     NOT_TOLD_BY_ROBOT: "not told by the robot",
-    NO_TARGET: "no target with a tolerance",
+    NO_TARGET: "no task with an error that is judged",
     DAMAGED: "what it rests on is lost with the log",
     NOT_REACHED: "error above tolerance at the end",
     NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
+    NOT_CERTIFIABLE: "for too many answers there was nothing that a certificate could claim",
     HELD_BACK: "the robot held a joint back at a limit",
     WEAK: "torques were too small to keep the limits",
     MARGIN: "a constraint was violated",
@@ -135,7 +137,8 @@ def in_words(judged: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _verdict(reasons: list[str], *, expected: bool) -> str:
-    unknown = {NO_TARGET} if expected else {NO_TARGET, NOT_TOLD, NOT_TOLD_BY_ROBOT}
+    unknown = {NO_TARGET, NOT_CERTIFIABLE}
+    unknown |= set() if expected else {NOT_TOLD, NOT_TOLD_BY_ROBOT}
     if reasons and unknown.issuperset(reasons):
         return NOT_JUDGED
     return FAIL if reasons else PASS
@@ -149,14 +152,18 @@ def _task(outcome: Mapping[str, Any] | None, damaged: Collection[str]) -> dict[s
     reasons = []
     if any(each["judged"] and not each["within"] for each in errors):
         reasons.append(NOT_REACHED)
+    answers = outcome.get("answers", certifiable)
     if share is not None and share < CERTIFIED_SHARE:
         reasons.append(NOT_CERTIFIED)
+    elif outcome.get("certifies", certifiable > 0) and certified < CERTIFIED_SHARE * answers:
+        reasons.append(NOT_CERTIFIABLE)
     if not outcome:
         reasons.append(DAMAGED if "controller" in damaged else NOT_TOLD)
-    elif share is None and not any(each["judged"] for each in errors):
+    elif not any(each["judged"] for each in errors):
         reasons.append(NO_TARGET)
     return {
         "errors": errors,
+        "answers": answers,
         "certifiable": certifiable,
         "certified": certified,
         "certified_share": share,
@@ -205,8 +212,12 @@ def _limits(
 def _task_words(task: Mapping[str, Any]) -> str:
     parts = [REASONS[reason] for reason in task["reasons"]]
     parts += [_error_words(each) for each in task["errors"] if each["judged"]]
-    if task["certifiable"]:
+    if task["certifiable"] or NOT_CERTIFIABLE in task["reasons"]:
+        more = task["answers"] - task["certifiable"]
         parts.append(f"certified {task['certified']} of {task['certifiable']} answers")
+        parts += [f"{more} more cannot be certified by design"] if more > 0 else []
+    elif task["answers"]:
+        parts.append(f"none of {task['answers']} answers can be certified by design")
     if NOT_CERTIFIED in task["reasons"] and task["not_certified"]:
         parts.append("not certified: " + ", ".join(list(task["not_certified"])[:MOST_CONDITIONS]))
     others = [f"{_error_words(each)} ({each['note']})" for each in task["errors"] if each["note"]]
@@ -252,7 +263,8 @@ def _error_words(error: Mapping[str, Any]) -> str:
     """One task's error beside its tolerance."""
     unit = error["unit"]
     size = "not finite" if error["error"] is None else _size(error["error"], unit)
-    words = f"{error['task']} {size} (tolerance {_size(error['tolerance'], unit)})"
+    kind = "default tolerance" if error.get("default_tolerance") else "tolerance"
+    words = f"{error['task']} {size} ({kind} {_size(error['tolerance'], unit)})"
     return f"{words}: {error['reason']}" if error.get("reason") else words
 
 
@@ -260,7 +272,7 @@ def _size(value: float, unit: str) -> str:
     """A length below 0.1 m in mm, an angle in degrees, a force in N."""
     if unit == "m" and value < 0.1:
         return f"{1e3 * value:.3g} mm"
-    return f"{value:.3g} {unit}"
+    return f"{value:.3g} {unit}".rstrip()
 
 
 def deadline_words(figures: Mapping[str, Any]) -> str | None:

@@ -73,7 +73,7 @@ class Summaries:
             least = max(summed.least_margin, -np.finfo(float).max)
             claims.equal("summary: margin", tick, summary["margin"]["least"], least)
         for task in summary["tasks"]:
-            within = not task["error"] > task["tolerance"]
+            within = task["error"] is not None and not task["error"] > task["tolerance"]
             claims.equal("summary: within tolerance", tick, bool(task["within"]), within, 0.0)
         if self._controller in ONE_POINT:
             error, stated = float(np.sqrt(2.0 * last["v"])), summary["tasks"][0]["error"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -58,7 +57,7 @@ from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
 from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
 from hoap3.remote_controller.tasks.accelerations.settings import critical_damping
-from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
+from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError, name_errors
 
 CERTIFIED_RESIDUAL = 1e-9
 CURVATURE = 1e-6  # of a margin of constraints: what one period of a curved one may overstep
@@ -231,7 +230,7 @@ class HierarchyController(Controller):
             self.conditions = (*self.conditions, VIOLATED)
         self.margin_tolerance = CURVATURE if self._keeps else MARGIN_ROUNDING
         self.certifies = self.proves and self._viable
-        self.not_certified_in = MOVING | TOUCHES | IDLE
+        self.not_certified_in = MOVING | IDLE
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Any:
@@ -282,9 +281,9 @@ class HierarchyController(Controller):
             for i in range(len(judged))
         ]
         return [
-            replace(error, task=name, note=error.note or notes[i])
+            error
             for i, name in enumerate(self.tasks.names)
-            for error in self.tasks.errors_of(i)
+            for error in name_errors(self.tasks.errors_of(i), name, notes[i])
         ]
 
     def margin_of(self) -> tuple[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -31,7 +30,7 @@ from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import DescentRate
 from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
 from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import STILL
 from hoap3.remote_controller.tasks import registry as tasks
-from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.accuracy import TaskError, name_errors
 from hoap3.remote_controller.tasks.curve_following.curve_following import PersistentMotion
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.task_function import TaskFunction
@@ -193,7 +192,7 @@ class StableQpController(VelocityController):
 
     def task_errors(self) -> list[TaskError]:
         """Errors of the task."""
-        return [replace(error, task=self._task_name) for error in self.function.accuracy()]
+        return name_errors(self.function.accuracy(), self._task_name)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew at the next State that is finite."""

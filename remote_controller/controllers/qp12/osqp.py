@@ -49,8 +49,8 @@ class OsqpController(DescentController):
         from hoap3.remote_controller.solvers.qp12.osqp_qp12 import OsqpQp12
 
         super().__init__(description, parameters)
+        self.certifies = parameters.polish  # without it OSQP is not exact to 1e-9
         self._problem, self._certify = osqp_problem, osqp_certificate
-        self.certifies = False  # only what OSQP could polish is the optimum to 1e-9
         self._solver = OsqpQp12(
             description.n,
             parameters.tolerance,

@@ -177,7 +177,6 @@ class _Clik(LabelledTasksController):
         self._errors_logged = slice(0, first)
         self._figures = slice(first, first + len(FIGURES))
         self._gains_logged = slice(first + len(FIGURES), len(self.extra_names))
-        self.not_certified_in = TOO_FAST
         self._weigh(parameters)
         self._slices = [slice(*ends) for ends in pairwise(self.offsets.tolist())]
         self._moved = [  # rows of errors: a speed along a curve is the derivative of none

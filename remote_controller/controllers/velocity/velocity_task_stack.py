@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
@@ -20,7 +19,7 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks import status as task_status
-from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError
+from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError, name_errors
 from hoap3.remote_controller.tasks.registry import labels_of
 
 MARGIN_ROUNDING = 1e-9  # of a velocity beside its bounds [rad/s or m/s]
@@ -153,11 +152,11 @@ class LabelledTasksController(VelocityController):
     def task_errors(self) -> list[TaskError]:
         """Errors of all tasks; those of lower priority are not judged."""
         return [
-            replace(error, task=label, note=error.note or ("" if judged else LOWER))
+            error
             for label, function, judged in zip(
                 self.labels, self.functions, self.judged(), strict=True
             )
-            for error in function.accuracy()
+            for error in name_errors(function.accuracy(), label, "" if judged else LOWER)
         ]
 
     def columns(self) -> tuple[str, ...]:

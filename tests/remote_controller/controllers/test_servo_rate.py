@@ -56,7 +56,7 @@ def test_the_condition_and_the_verdict_tell_both_rates(name):
     assert "servos 0.5/s" in why
     (note,) = controller.notes()
     assert why in note
-    judged = judge("fit", 0, 0, told)
+    judged = judge(None, 0, 0, told)
     assert judged["task"]["not_certified"][why] == 3
     assert why in in_words(judged)["task"]
 

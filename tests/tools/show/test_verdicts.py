@@ -53,7 +53,7 @@ def test_all_good():
         (told(certified=950), ("pass", [])),
         (told(tasks=[FAR], certified=0), ("fail", ["not_reached", "not_certified"])),
         (told(certifiable=0, certified=0), ("pass", [])),
-        (told(tasks=[]), ("pass", [])),
+        (told(tasks=[]), ("not judged", ["no_target"])),
         (told(tasks=[], certifiable=0, certified=0), ("not judged", ["no_target"])),
         (told(tasks=[LOWER], certifiable=0, certified=0), ("not judged", ["no_target"])),
         (None, ("not judged", ["not_told_by_controller"])),

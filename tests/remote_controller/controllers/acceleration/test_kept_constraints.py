@@ -131,12 +131,13 @@ def test_a_torque_limit_of_nothing_is_refused():
         kept("ghc", none)
 
 
-def test_terms_of_a_sum_are_listed_and_not_judged():
+def test_each_term_of_a_sum_is_judged():
     terms = [{"task": "posture"}, {"task": "posture", "parameters": {"target_rad": [0.1] * 7}}]
     both = [{"name": "both", "task": "weighted_sum", "parameters": {"terms": terms}}]
     controller = made("ghc", tasks=both, priorities={})
     controller.step(state_of(controller, start(controller), STILL))
-    assert [error.judged for error in controller.task_errors()] == [False, False]
+    found = [(error.task, error.judged) for error in controller.task_errors()]
+    assert found == [("both: 1. posture", True), ("both: 2. posture", True)]
 
 
 def test_a_wrench_is_no_term_of_a_sum():
