@@ -1,0 +1,78 @@
+"""Compare two tables, whose rows are found by a key such as the tick."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from .difference import Difference
+from .json_tree import is_number
+
+Table = Mapping[str, Mapping[str, Any]]
+"""By key of a row, such as ``tick 12``: the value of each column."""
+
+
+def compare_tables(old: Table, new: Table, path: str) -> Iterator[Difference]:
+    """Yield one difference for missing rows, one for added rows, and one for each column."""
+    removed, added = [key for key in old if key not in new], [key for key in new if key not in old]
+    if removed:
+        yield Difference(
+            f"{path}rows", "removed", len(removed), where=removed[0], count=len(removed)
+        )
+    if added:
+        yield Difference(f"{path}rows", "added", None, len(added), where=added[0], count=len(added))
+    columns = dict.fromkeys(name for table in (old, new) for row in table.values() for name in row)
+    common = [key for key in old if key in new]
+    for name in columns:
+        if not any(name in row for row in old.values()):
+            yield Difference(path + name, "added", new="column")
+        elif not any(name in row for row in new.values()):
+            yield Difference(path + name, "removed", old="column")
+        else:
+            yield from _compare_column(old, new, common, name, path + name)
+
+
+def _compare_column(
+    old: Table, new: Table, keys: list[str], name: str, path: str
+) -> Iterator[Difference]:
+    worst: tuple[float, Any, Any, str, bool] | None = None
+    count = 0
+    for key in keys:
+        one, other = old[key].get(name), new[key].get(name)
+        if same(one, other):
+            continue
+        count += 1
+        size, a, b, numeric = largest(one, other)
+        if worst is None or size > worst[0]:
+            worst = size, a, b, key, numeric
+    if worst is not None:
+        size, a, b, key, numeric = worst
+        yield Difference(path, "changed", a, b, size if numeric else None, key, count)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values have the same bits."""
+    if isinstance(one, np.ndarray | float) and isinstance(other, np.ndarray | float):
+        a, b = np.asarray(one), np.asarray(other)
+        return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    return type(one) is type(other) and bool(one == other)
+
+
+def largest(one: Any, other: Any) -> tuple[float, Any, Any, bool]:
+    """Largest absolute difference of two values, both numbers there, and whether it is one.
+
+    What cannot be subtracted differs by infinity.
+    """
+    if is_number(one) and is_number(other):
+        one, other = np.asarray(one), np.asarray(other)
+    arrays = isinstance(one, np.ndarray) and isinstance(other, np.ndarray)
+    if not arrays or one.shape != other.shape or "U" in {one.dtype.kind, other.dtype.kind}:
+        return np.inf, one, other, False
+    a, b = one.astype(float).ravel(), other.astype(float).ravel()
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(a - b)
+    sizes[np.isnan(sizes)] = np.where(np.isnan(a) & np.isnan(b), 0.0, np.inf)[np.isnan(sizes)]
+    place = int(np.argmax(sizes))
+    return float(sizes[place]), one.ravel()[place].item(), other.ravel()[place].item(), True
