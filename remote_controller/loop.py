@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from math import isfinite
+from operator import attrgetter, is_not
 from typing import Any
 
 from hoap3.protocol.config.plugins import blame
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.messages import Event, FloatArray, State
+from hoap3.protocol.messages import Event, FloatArray, Setpoint, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.recorder import Recorder
@@ -43,12 +44,34 @@ def failure(controller: Controller, what: str, error: BaseException) -> Hoap3Err
     return Hoap3Error(f"controller {kind.__name__} {what}: {blame(error, kind)}")
 
 
-def not_its_own(controller: Controller) -> UsageError:
-    """Of an answer that is another message, or whose `values` are: something else would travel."""
-    return UsageError(
-        f"{type(controller).__name__}.step: write into the message that there is, "
-        "`self.command.values[:] = …`, and return `self.command`"
-    )
+ARRAYS = attrgetter("values", "extra", "decision", "slacks", "gains", "next", "certificate")
+
+
+def checked_step(
+    controller: Controller, arrays: tuple[FloatArray, ...], state: State, payload: bytes
+) -> Setpoint:
+    """Step a controller, and check that it wrote into its own message alone.
+
+    Args:
+        controller, state: of the cycle.
+        arrays: those of its command at the start, `ARRAYS(controller.command)`.
+        payload: the State as it came.
+
+    Raises:
+        UsageError: it returned or wrote into something that is not sent, or changed the State.
+    """
+    command, name = controller.step(state), type(controller).__name__
+    if command is not controller.command or any(map(is_not, ARRAYS(command), arrays)):
+        raise UsageError(
+            f"{name}.step: write into the existing message and its arrays, "
+            "`self.command.values[:] = …`, `self.command.extra[:] = …`, and return `self.command`"
+        )
+    if state.dump() != payload:
+        raise UsageError(
+            f"{name}.step: it changed the State, which is read-only; work on a copy: "
+            "`state.q.copy()`"
+        )
+    return command
 
 
 class ControllerLoop:
@@ -82,7 +105,7 @@ class ControllerLoop:
         outcome: Outcome | None = None,
     ) -> None:
         self._controller, self._clock, self._recorder = controller, clock, recorder
-        self._values = controller.command.values
+        self._arrays = ARRAYS(controller.command)
         controller.now = clock.now
         self._state = State.allocate(**controller.description.state_lengths)
         self._lockstep = isinstance(clock, VirtualClock)
@@ -203,9 +226,7 @@ class ControllerLoop:
                 self._note_reset(tick, last)
             elif not asked and self._runs_up(state):
                 self._reset(state)
-            command = controller.step(state)
-            if command is not controller.command or command.values is not self._values:
-                raise not_its_own(controller)
+            command = checked_step(controller, self._arrays, state, payload)
             command.stamp_solved = now()
             self.steps += 1
         except (Exception, SystemExit) as error:  # nobody else may end us

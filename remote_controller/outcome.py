@@ -10,12 +10,13 @@ from typing import Any
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.balance import balance_of
+from hoap3.remote_controller.certificate import PROVED, checked_status
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 
 EVERY = 10
 """One of so many answered States is looked at for balance."""
 
-NONE, PROVED = STATUS["none"], (STATUS["certified"], STATUS["at_target"])
+NONE = STATUS["none"]
 
 
 class Outcome:
@@ -36,11 +37,12 @@ class Outcome:
         self._balance = balance_of(description)
         self.answers = self._stated = self._certifiable = self._certified = 0
         self._without = Counter[int]()  # conditions, by bit, of answers that could be certified
+        self._invalid = Counter[str]()  # reasons why a certificate does not count
         self._least_margin, self._least_of = math.inf, ("", "")
 
     def note(self, state: State, answer: Setpoint) -> None:
         """Count an answer, after it was sent."""
-        controller, status = self._controller, answer.solver_status
+        controller, (status, invalid) = self._controller, checked_status(answer)
         if self._balance is not None and self.answers % EVERY == 0:
             self._balance.look(state.q)
         self.answers += 1
@@ -58,6 +60,7 @@ class Outcome:
                 self._certified += 1
             else:
                 self._without[controller.present] += 1
+                self._invalid.update(invalid)
 
     def as_json(self) -> dict[str, Any]:
         """All of it as a JSON object; docs/logs.md has the keys.
@@ -84,8 +87,8 @@ class Outcome:
         }
 
     def _not_certified(self) -> dict[str, int]:
-        """Conditions that held during answers without certificate, in how many, most first."""
-        found = Counter[str]()
+        """Why answers have no certificate: conditions, invalid fields; in how many, most first."""
+        found = self._invalid.copy()
         for present, count in self._without.items():
             for bit, name in enumerate(self._controller.conditions):
                 if present >> bit & 1:

@@ -38,7 +38,7 @@ from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_re
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config_exchange import is_config, own_config
 from hoap3.remote_controller.controllers.base import Controller
-from hoap3.remote_controller.loop import ControllerLoop, failure, not_its_own
+from hoap3.remote_controller.loop import ARRAYS, ControllerLoop, checked_step, failure
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.silence import SilenceWatch
@@ -84,14 +84,12 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
     """
     state = State.allocate(**description.state_lengths)
     state.q[:] = state.reference[:] = description.initial_position
-    values = controller.command.values
+    arrays = ARRAYS(controller.command)
     try:
         controller.reset(state, None)
         for tick in range(REHEARSALS):
             state.tick = tick
-            command = controller.step(state)
-            if command is not controller.command or command.values is not values:
-                raise not_its_own(controller)
+            checked_step(controller, arrays, state, state.dump())
     except (Exception, SystemExit) as error:  # nobody else may end us
         what = f"failed when it rehearsed with robot {description.name!r}, {description.n} joints"
         raise failure(controller, what, error) from error

@@ -14,7 +14,8 @@ from pydantic import Field
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
-from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
+from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State
+from hoap3.remote_controller import certificate
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
 from hoap3.remote_controller.references.live.live import Live
@@ -22,11 +23,7 @@ from hoap3.remote_controller.scheduling.changes import Changes
 from hoap3.remote_controller.scheduling.numbers import FILE, Part, private
 from hoap3.remote_controller.tasks.accuracy import TaskError
 
-STATUS = {
-    name.removeprefix("STATUS_").lower(): value
-    for name, value in schema("Setpoint").constants.items()
-    if name.startswith("STATUS_")
-}
+STATUS = certificate.STATUS
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
 
 CERTIFIED_RESIDUAL = 1e-9  # greatest kkt_residual of an answer that counts as the optimum
@@ -436,7 +433,8 @@ class VelocityController(Controller):
                 at_rest=history == at_rest,
                 followed=history == followed,
             )
-        if beyond and command.solver_status == STATUS["certified"]:
+        status = command.solver_status
+        if beyond and (status == STATUS["certified"] or (active and status == STATUS["at_target"])):
             command.solver_status = STATUS["uncertified"]
         if flight is not None:
             flight.sent(state.tick, command.values)

@@ -308,7 +308,15 @@ class Forgetful(Wanderer):
         return None  # type: ignore[return-value]
 
 
-@pytest.mark.parametrize("kind", [Elsewhere, Another, Forgetful])
+class Replaced(Wanderer):
+    """Sets another array of the message to one of its own."""
+
+    def step(self, state: State) -> Setpoint:
+        self.command.extra = np.zeros(0)
+        return super().step(state)
+
+
+@pytest.mark.parametrize("kind", [Elsewhere, Another, Forgetful, Replaced])
 def test_an_answer_that_is_not_what_would_travel_is_refused_at_once(kind):
     bench = Bench()
     loop = ControllerLoop(kind(bench.clock), bench.clock, bench.recorder, SESSION)
@@ -317,3 +325,20 @@ def test_an_answer_that_is_not_what_would_travel_is_refused_at_once(kind):
         loop.answer(bench.clock.now(), bench.state(5))
     with pytest.raises(Hoap3Error, match=kind.__name__):
         rehearse(kind(bench.clock), arm())
+
+
+@pytest.mark.parametrize("field", ["q", "reference", "tick"])
+def test_a_controller_that_changes_the_state_is_refused_at_once(field):
+    class Intruder(Wanderer):
+        def step(self, state: State) -> Setpoint:
+            if field == "tick":
+                state.tick = 99
+            else:
+                getattr(state, field)[:] = 99.0
+            return super().step(state)
+
+    bench = Bench()
+    loop = ControllerLoop(Intruder(bench.clock), bench.clock, bench.recorder, SESSION)
+    loop.grant(1)
+    with pytest.raises(UsageError, match=r"Intruder\.step.*copy"):
+        loop.answer(bench.clock.now(), bench.state(5))

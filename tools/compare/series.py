@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint
+from hoap3.remote_controller.certificate import checked_statuses
 from hoap3.remote_controller.controllers.base import ACTIVE_SPEED, STATUS
 from hoap3.tools.compare.answers import Answers, Rows
 from hoap3.tools.report.motion import UNITS, control_inputs, point_path
@@ -116,7 +117,7 @@ def read_series(answers: Answers, parameters: dict[str, Any]) -> Series:
         period_s=description.period_s,
         time_s=np.asarray((stamps - stamps[:1].sum()) / 1e9, float),
         inputs=inputs,
-        status=setpoints["solver_status"].astype(np.int64),
+        status=checked_statuses(setpoints).astype(np.int64),
         v=np.array(setpoints["v"]),
         rho=np.array(setpoints["rho"]),
         margin=np.array(setpoints["margin"]),

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.certificate import PROVED, checked_statuses
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.logs.log import Log
 from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.moments import Answered, Moment, moments
 from hoap3.tools.report.sources import Sources
-from hoap3.tools.show.certificate_count import PROVED, STATUS, CertificateCount, doubts
+from hoap3.tools.show.certificate_count import STATUS, CertificateCount, doubts
 
 MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
 NAMES_TASK = {
@@ -184,7 +185,7 @@ def read_motion(sources: Sources) -> Motion | None:
         time_s=_seconds(rows, start),
         v=v,
         psi=np.where(proved, 0.0 - answers["v_rate_required"], np.nan),
-        certified=np.isin(answers["solver_status"], [STATUS[name] for name in PROVED]),
+        certified=np.isin(checked_statuses(answers), PROVED),
         inputs=inputs,
         unit=unit,
         active=joints_active,
@@ -236,7 +237,7 @@ def _certificates(states: Any, answers: Any, start: int, duration_s: float) -> C
     return Certificates(
         tick=answers["tick"],
         time_s=_seconds(states, start),
-        status=answers["solver_status"],
+        status=checked_statuses(answers),
         rho=np.asarray(answers["rho"], float),
         margin=np.asarray(answers["margin"], float),
         duration_s=duration_s,

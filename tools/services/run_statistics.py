@@ -13,6 +13,7 @@ from hoap3.protocol.messages import COMMANDS, Setpoint, State
 from hoap3.protocol.runtime.deadline_verdict import FAIL, judge_deadlines, unknown_deadlines
 from hoap3.protocol.runtime.deadlines import Durations, Jitter
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.certificate import checked_status
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
 from hoap3.tools.show.body_findings import body_of
@@ -233,8 +234,8 @@ class RunStatistics:
         if setpoint.epoch != epoch or not fits or not np.isfinite(setpoint.values).all():
             return
         self._answered = tick
-        status = setpoint.solver_status
-        self._certificates.answer(status, reasons_on_wire(status, record.payload))
+        status, invalid = checked_status(setpoint)
+        self._certificates.answer(status, invalid or reasons_on_wire(status, record.payload))
         self._v = setpoint.v if setpoint.solver_status != _NO_CERTIFICATE else math.nan
         if not self._timing or setpoint.stamp_state != published:
             return  # without a true echo its stamps are worth nothing

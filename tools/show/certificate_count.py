@@ -11,13 +11,10 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller import certificate
 from hoap3.tools.show.event_words import named
 
-STATUS = {
-    name.removeprefix("STATUS_").lower(): value
-    for name, value in Setpoint.schema.constants.items()
-    if name.startswith("STATUS_")
-}
+STATUS = certificate.STATUS
 PROVED = ("certified", "at_target")
 NAMES = ("certified", "at_target", "uncertified", "infeasible")
 _NAME_OF = {value: name for name, value in STATUS.items()}
@@ -44,14 +41,16 @@ class CertificateCount:
         self._names: Sequence[str] = ()
         self._present: frozenset[str] = frozenset()
         self._answers: Counter[tuple[int, frozenset[str]]] = Counter()
+        self._setpoint = Setpoint(0)
 
     def add(self, record: Record) -> None:
         """Take one record of a controller's log."""
         try:
             if record.kind == Kind.SETPOINT:
-                session, status = Setpoint.scalars(record.payload, "session_id", "solver_status")
-                if self._session_id in {None, session}:
-                    self.answer(status)
+                setpoint = self._loaded(record.payload)
+                if self._session_id in {None, setpoint.session_id}:
+                    status, invalid = certificate.checked_status(setpoint)
+                    self.answer(status, self._present | invalid)
             elif record.kind == Kind.EVENT:
                 self._add_event(record.payload)
             elif record.kind == Kind.SESSION:
@@ -85,6 +84,16 @@ class CertificateCount:
         without = total - sum(counts[name] for name in PROVED)
         named = {name: dict(found.most_common()) for name, found in reasons.items() if found}
         return {"n": total, **counts, "without": without, "reasons": named}
+
+    def _loaded(self, payload: bytes) -> Setpoint:
+        if len(payload) != self._setpoint.size:
+            self._setpoint = Setpoint.like(payload)
+        try:
+            self._setpoint.load(payload)
+        except WireError:  # of another layout
+            self._setpoint = Setpoint.like(payload)
+            self._setpoint.load(payload)
+        return self._setpoint
 
     def _begin(self, session: Any) -> None:
         if isinstance(session, dict) and self._session_id in {None, session.get("session_id")}:

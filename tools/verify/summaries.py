@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import schema
+from hoap3.remote_controller.certificate import PROVED, checked_statuses
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 
 STATUS = schema("Setpoint").constants
-PROVED = STATUS["STATUS_CERTIFIED"], STATUS["STATUS_AT_TARGET"]
 ONE_POINT = {"qp12", "pinv", "osqp"}
 """Controllers whose V is ½|e|² of their one task, so that V tells the error at the end."""
 
@@ -30,7 +30,7 @@ class Summed:
         judged = answers["solver_status"] != STATUS["STATUS_NONE"]
         margins = answers["margin"][judged]
         self.answers += len(answers)
-        self.proved += int(np.isin(answers["solver_status"], PROVED).sum())
+        self.proved += int(np.isin(checked_statuses(answers), PROVED).sum())
         least = float(np.where(np.isnan(margins), -np.inf, margins).min(initial=np.inf))
         self.least_margin = min(self.least_margin, least)
 

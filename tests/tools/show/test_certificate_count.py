@@ -86,7 +86,9 @@ def test_a_controller_that_proves_nothing_has_no_count():
 def test_a_status_that_nobody_defined_is_unknown():
     found = figures(answer(CERTIFIED), answer(77))
     assert (found["n"], found["unknown"], found["without"]) == (2, 1, 1)
-    assert in_a_line(found) == "1 of 2 answers certified; 1 unknown"
+    assert in_a_line(found) == (
+        "1 of 2 answers certified; 1 unknown: invalid certificate: solver_status"
+    )
 
 
 def test_of_one_session_nothing_of_another_counts():
