@@ -52,6 +52,7 @@ REQUESTS_PER_TICK = 4  # in real time; the rest waits for the next tick
 
 EVENTS = Event.schema.constants
 _COUNTED = ("asked", "in_time", "run_rate", "longest_run", "worst_window")
+LIMIT_SHIFT = 16  # bits of a joint in the detail of CLIPPED
 _FAILURES = {EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]}
 
 
@@ -366,7 +367,8 @@ class RobotLoop:
             else:
                 clipped = setpoint_filter.hold()
             if clipped >= 0 and not self._clipped:
-                self._announce("CLIPPED", clipped)
+                limit = setpoint_filter.limit_of(clipped)
+                self._announce("CLIPPED", clipped + (limit << LIMIT_SHIFT))
             self._clipped = clipped >= 0
         elif self._authority.mode == State.STOPPING:
             if setpoint_filter.brake():

@@ -13,6 +13,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.viability_bounds import AccelerationBounds
+from hoap3.robot_emulator.filters import base
 from hoap3.robot_emulator.plants.base import Plant, TorqueModel
 
 TORQUE_MARGIN = 2e-3, 0.02, 0.9
@@ -187,6 +188,18 @@ class AccelerationFilter:
         self._drive(self._wanted)
         return slow or overdue
 
+    def limit_of(self, joint: int) -> int:
+        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        return self._limit_of(joint, float(self.value[joint]))
+
+    def _limit_of(self, joint: int, ddq: float) -> int:
+        rounded = 1.0 - base.ROUNDING
+        if abs(ddq) >= self._brake[joint] * rounded:
+            return base.ACCELERATION
+        ahead = abs(self._plant.dq[joint] + PERIODS_AHEAD * self._dt * ddq)
+        fastest = self._description.velocity[joint] * (1.0 - self._margin[1])
+        return base.SPEED if ahead >= fastest * rounded else base.POSITION
+
     def _apply(self, command: FloatArray) -> int:
         self.held_back = self._pass(command)
         self.interventions += self.held_back >= 0
@@ -221,11 +234,17 @@ class TorqueFilter(AccelerationFilter):
         n = description.n
         self._body = model
         self._ddq, self._allowed = np.zeros(n), np.zeros(n)
+        self._short = False  # the effort of a joint is what holds it back
+
+    def limit_of(self, joint: int) -> int:
+        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        return base.TORQUE if self._short else self._limit_of(joint, float(self._allowed[joint]))
 
     def _pass(self, command: FloatArray) -> int:
         short = self._body.accelerations(command, self._dt, self._ddq)
         self._bounds.solve(self._plant.q, self._plant.dq, self._lower, self._upper)
         held: int = self._clamp(self._ddq, self._lower, self._upper, self._allowed)
+        self._short = held < 0
         if held < 0:
             np.copyto(self.value, command)
             self.overloaded = -1
@@ -260,7 +279,7 @@ class FreeBaseFilter(TorqueFilter):
         self, description: RobotDescription, plant: Plant, hold_ticks: int, model: TorqueModel
     ) -> None:
         super().__init__(description, plant, hold_ticks, model)
-        self._effort = np.array(description.effort)
+        self._effort, self._short = np.array(description.effort), True
         self._least = -self._effort
 
     def _pass(self, command: FloatArray) -> int:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.messages import Event, FloatArray
+
+POSITION, SPEED, ACCELERATION, JERK, TORQUE = (
+    Event.schema.constants[f"LIMIT_{name}"]
+    for name in ("POSITION", "SPEED", "ACCELERATION", "JERK", "TORQUE")
+)
+ROUNDING = 1e-6
+"""Of a speed, an acceleration or a jerk relative to its limit: from there on the limit acts."""
 
 
 class SetpointFilter(Protocol):
@@ -36,6 +43,9 @@ class SetpointFilter(Protocol):
 
     def follow(self, setpoint: FloatArray, tick: int) -> int:
         """Take a setpoint that answers `tick`; the first joint held back, or -1."""
+
+    def limit_of(self, joint: int) -> int:
+        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
 
     def hold(self) -> int:
         """No setpoint: keep to the last one; the first joint held back, or -1."""

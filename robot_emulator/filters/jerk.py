@@ -7,6 +7,7 @@ import numpy as np
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.jerk.jerk_limits import limits_with_jerk
+from hoap3.robot_emulator.filters.base import ACCELERATION, JERK, ROUNDING
 from hoap3.robot_emulator.filters.braking_curve import BrakingCurve
 from hoap3.robot_emulator.filters.position import PositionFilter
 
@@ -54,6 +55,7 @@ class JerkFilter(PositionFilter):
         self._motion, self._lowest, self._highest = np.zeros((3, n)), np.zeros(n), np.zeros(n)
         self.value, self.rate, self._acceleration = self._motion
         self.reference = self.value
+        self._last_rate, self._last_acceleration = self._last = np.zeros((2, n))
         self._history, self._work = np.zeros((3, n)), np.zeros(WORK)
         self._before = self._history[0]
 
@@ -87,7 +89,18 @@ class JerkFilter(PositionFilter):
         self._count(self._steer(self._target, self._limits, self._dt, self._motion))
         return over and not self.rate.any() and not self._acceleration.any()
 
+    def _limit_of_change(self, joint: int, change: float, most: float) -> int:
+        jerk = self._limits[4, joint] * (1.0 + ROUNDING)
+        if abs(change - self._last_acceleration[joint]) / self._dt > jerk:
+            acts = abs(self._acceleration[joint]) >= most * (1.0 - ROUNDING)
+            return ACCELERATION if acts else JERK
+        return super()._limit_of_change(joint, change, most)
+
+    def _rise(self, joint: int, acceleration: float) -> float:
+        return float(acceleration**2 / (2.0 * self._limits[4, joint]))
+
     def _go_to(self, setpoint: FloatArray) -> int:
+        np.copyto(self._last, self._motion[1:])
         return self._count(
             self._filter(setpoint, self._history, self._limits, self._dt, self._motion, self._work)
         )

@@ -12,6 +12,7 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.robot_emulator.filters.base import ACCELERATION, POSITION, ROUNDING, SPEED
 
 
 class PositionFilter:
@@ -42,7 +43,7 @@ class PositionFilter:
         self._outside = False  # some joint may be beyond its usable range
         passing = acceleration * (1.0 - 1e-9)  # the filter's limit, whatever rounding does
         self._brake = np.minimum(description.brake_acceleration, passing)
-        self.value, self.rate, self._target, self._before = np.zeros((4, n))
+        self.value, self.rate, self._target, self._before, self._last_rate = np.zeros((5, n))
         self.reference = self.value
         self.interventions = self.torque_limited = 0
         self.held_back = self.overloaded = -1
@@ -116,9 +117,34 @@ class PositionFilter:
 
     def _go_to(self, setpoint: FloatArray) -> int:
         """Move towards it as far as the limits allow, and have it be the last; as of `follow`."""
+        np.copyto(self._last_rate, self.rate)
         held = self._filter(setpoint, self._before, self._limits, self._dt, self.value, self.rate)
         self._before[:] = setpoint
         return self._count(held)
+
+    def limit_of(self, joint: int) -> int:
+        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        lower, upper, speed, most = self._limits[:4, joint].tolist()
+        setpoint, rate = self._before[joint], self.rate[joint]
+        if not lower <= setpoint <= upper:
+            return POSITION
+        if abs(rate) >= speed * (1.0 - ROUNDING):
+            return SPEED
+        wanted = (setpoint - self.value[joint]) / self._dt + rate  # speed to be there in time
+        change = (wanted - self._last_rate[joint]) / self._dt
+        if acts := self._limit_of_change(joint, change, most):
+            return acts
+        return SPEED if abs(wanted) + self._rise(joint, change) > speed else POSITION
+
+    def _limit_of_change(self, joint: int, change: float, most: float) -> int:
+        """Return the limit that keeps a joint from a change of speed [rad/s² or m/s²], or 0."""
+        del joint
+        return ACCELERATION if abs(change) > most * (1.0 + ROUNDING) else 0
+
+    def _rise(self, joint: int, acceleration: float) -> float:
+        """Return by how much a joint gets faster while it ends its acceleration [rad/s or m/s]."""
+        del joint, acceleration
+        return 0.0
 
     def _count(self, held: int) -> int:
         """Note who was held back, or -1."""

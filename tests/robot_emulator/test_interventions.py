@@ -9,10 +9,10 @@ import pytest
 from support.robot_bench import Bench
 from support.small_arm import arm
 
-from hoap3.protocol.messages import State
+from hoap3.protocol.messages import Event, State
 from hoap3.robot_emulator.filters.position import PositionFilter
 
-T = 1e-3
+T, ACCELERATION = 1e-3, Event.schema.constants["LIMIT_ACCELERATION"]
 
 
 def following(**options: object) -> Bench:
@@ -44,7 +44,7 @@ def test_each_period_in_which_some_joint_is_held_back_counts_once():
     np.testing.assert_allclose(velocities(bench)[:4, 0], [1.0, 2.0, 2.5, 2.5], atol=1e-9)
     np.testing.assert_allclose(velocities(bench)[:4, 2], [-1.0, -2.0, -2.5, -2.5], atol=1e-9)
     clipped = [event for event in bench.events() if event[0] == "CLIPPED"]
-    assert clipped == [("CLIPPED", 1, 0)]  # the first one only
+    assert clipped == [("CLIPPED", 1, ACCELERATION << 16)]  # joint 0, and the first one only
     first = bench.description.joint_names[0]
     told = {"first": first, "first_tick": 1, "most": first, "most_periods": 2}
     assert bench.robot.summary()["held_back_joints"] == told

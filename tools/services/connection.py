@@ -40,7 +40,7 @@ from hoap3.protocol.errors import (
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
 from hoap3.tools.services import sent
 from hoap3.tools.services.client import check_name, check_right, client_settings, unanswered
-from hoap3.tools.show.event_words import EVENT_NAMES
+from hoap3.tools.show.event_words import EVENT_NAMES, in_words
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 LOOK_S = 5e-4  # between two looks for what has come
@@ -185,7 +185,8 @@ class Connection:
     def events(self, timeout_s: float = 2.0) -> Iterator[dict[str, Any]]:
         """What happens to the robot, from the first call on; ends where nothing does for so long.
 
-        Each is `event`, one of `Event.msg`, with `tick`, `stamp_ns` and `detail`.
+        Each is `event`, one of `Event.msg`, with `tick`, `stamp_ns`, `detail`, and `text`: what
+        the detail means, with names of joints.
         """
         self._check_open()
         if self._events is None:
@@ -201,6 +202,7 @@ class Connection:
                     "tick": event.tick,
                     "stamp_ns": event.stamp,
                     "detail": event.detail,
+                    "text": in_words(event.kind, event.detail, self.description.joint_names),
                 }
 
     def status(self) -> dict[str, Any]:

@@ -308,6 +308,8 @@ class _LogKeeper:
             self._reporter.event(record)
         elif record.kind == Kind.SESSION:
             self._reporter.session(record)
+        elif record.kind == Kind.DESCRIPTION:
+            self._reporter.description(record)
 
     def look_for_stalls(self) -> None:
         """Record what the monitors have noted, and let old chunks go to the disk."""

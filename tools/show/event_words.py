@@ -10,15 +10,24 @@ from hoap3.protocol.messages import Event
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 
 _CONSTANTS = Event.schema.constants
+JOINT = 0xFFFF
+"""Of the detail of CLIPPED: the joint; the limit that acted stands above it, 0 in old logs."""
 MOST_ERRNO = 4096  # anybody may publish an event with another detail
 EVENT_NAMES = {
-    value: name for name, value in _CONSTANTS.items() if not name.startswith(("REASON_", "WIRE_"))
+    value: name
+    for name, value in _CONSTANTS.items()
+    if not name.startswith(("REASON_", "WIRE_", "LIMIT_"))
 }
 _NAMES = {value: name.lower().replace("_", " ") for value, name in EVENT_NAMES.items()}
 _REASONS = {
     value: name.removeprefix("REASON_").lower().replace("_", " ")
     for name, value in _CONSTANTS.items()
     if name.startswith("REASON_")
+}
+_LIMITS = {
+    value: name.removeprefix("LIMIT_").lower()
+    for name, value in _CONSTANTS.items()
+    if name.startswith("LIMIT_")
 }
 _SAYING = {
     "GRANTED": "epoch {}",
@@ -100,7 +109,10 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
     if kind == _CONSTANTS["SUPPRESSED"]:
         return f"{detail >> 8} of {event_name(detail & 0xFF, 0)!r}"
     if kind in _OF_JOINTS:
-        return named(joints, detail, "joint")
+        joint, limit = named(joints, detail & JOINT, "joint"), _LIMITS.get(detail >> 16)
+        if kind == _CONSTANTS["TORQUE_LIMITED"]:
+            limit = "torque"
+        return f"{joint}: {limit} limit" if limit else joint
     if kind == _CONSTANTS["LOG_LOST"]:
         return (
             os.strerror(detail) if 0 < detail < MOST_ERRNO else "its observer ended"

@@ -6,6 +6,7 @@ import json
 import os
 from typing import Any, TextIO
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Record
 from hoap3.protocol.stop_reasons import STOP_REASONS, stop_words
@@ -48,6 +49,7 @@ class Reporter:
         self._lines, self._quiet = lines, quiet
         self._session: dict[str, int | str] = {}
         self._conditions: tuple[str, ...] = ()  # names that the controller gives
+        self._joints: tuple[str, ...] = ()
         self._told: set[int] = set()
 
     def send(self, news: str, content: dict[str, Any]) -> None:
@@ -73,6 +75,10 @@ class Reporter:
             self._lines.write("info", "summary", text, more=self._session)
             self._lines.close()
 
+    def description(self, record: Record) -> None:
+        """Learn the names of the joints."""
+        self._joints = RobotDescription.from_json(record.payload).joint_names
+
     def session(self, record: Record) -> None:
         """Learn what the following events are about."""
         session = json.loads(record.payload)
@@ -91,7 +97,7 @@ class Reporter:
                 return  # it may come and go; the log has it all
             self._told.add(event.detail)
         name = event_name(event.kind, event.detail)
-        words = in_words(event.kind, event.detail, (), self._conditions)
+        words = in_words(event.kind, event.detail, self._joints, self._conditions)
         what = f"{name} ({words})" if words else name
         if self._side == "controller" and event.kind == EVENTS["SAFE_STOP"]:
             stopped = stop_words(STOP_REASONS.get(event.detail))

@@ -1,0 +1,139 @@
+"""Which limit held a joint back, and how people read it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.small_arm import arm
+
+from hoap3.protocol.messages import Event
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.robot_emulator.filters.acceleration import AccelerationFilter, FreeBaseFilter
+from hoap3.robot_emulator.filters.jerk import JerkFilter
+from hoap3.robot_emulator.filters.position import PositionFilter
+from hoap3.robot_emulator.loop import LIMIT_SHIFT
+from hoap3.tools.services.monitoring.reporter import Reporter
+from hoap3.tools.show.event_words import in_words
+
+EVENTS = Event.schema.constants
+LIMITS = {value: name for name, value in EVENTS.items() if name.startswith("LIMIT_")}
+T, A, SPEED, RANGE = 1e-3, 20.0, 1.5, 2.0
+TICKS = np.arange(4000) * T
+
+
+def robot(jerk: float = np.inf):
+    found = arm()
+    change = {"velocity": SPEED, "setpoint_acceleration_max": A, "setpoint_jerk_max": jerk}
+    joints = tuple(joint.model_copy(update=change) for joint in found.joints)
+    return found.model_copy(update={"joints": joints})
+
+
+def first_held(kind, description, offsets, joint=1):
+    """The first joint that is held back, and by which limit."""
+    guard, start = kind(description, T), np.zeros(description.n)
+    guard.reset(start)
+    for tick, offset in enumerate(offsets):
+        setpoint = start.copy()
+        setpoint[joint] = offset
+        held = guard.follow(setpoint, tick)
+        if held >= 0:
+            return held, LIMITS[guard.limit_of(held)]
+    return None
+
+
+SMOOTH = 0.1 * A * TICKS**2 / 2
+SLOW = np.where(TICKS < 0.5, TICKS**2, TICKS - 0.25)  # 2 rad/s², then 1 rad/s
+MOTIONS = {
+    "jump": ([0.0, 0.0, 0.3], "LIMIT_ACCELERATION"),
+    "jump of the speed": ([0.0, 3 * A * T**2], "LIMIT_ACCELERATION"),
+    "out of range": ([0.0, RANGE + 0.5], "LIMIT_POSITION"),
+    "into the wall": (SLOW, "LIMIT_POSITION"),
+    "ever faster": (SMOOTH, "LIMIT_SPEED"),
+}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_limit_of_positions_that_acts_is_named(name, sign):
+    offsets, limit = MOTIONS[name]
+    offsets = sign * np.asarray(offsets)
+    assert first_held(PositionFilter, robot(), offsets) == (1, limit)
+
+
+J = A / (20 * T)
+JERKS = {
+    "jump": ([0.0, 0.0, 0.3], "LIMIT_JERK"),
+    "out of range": ([0.0, RANGE + 0.5], "LIMIT_POSITION"),
+    "faster than the speed": (J / 100 * TICKS**3 / 6, "LIMIT_SPEED"),
+    "jump of the acceleration": (0.5 * A * TICKS**2 / 2, "LIMIT_JERK"),
+}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("name", JERKS)
+def test_the_limit_of_jerk_is_told_from_the_others(name, sign):
+    offsets, limit = JERKS[name]
+    offsets = sign * np.asarray(offsets)
+    assert first_held(JerkFilter, robot(J), offsets) == (1, limit)
+
+
+class Body:
+    """A plant that is where it is put."""
+
+    def __init__(self, q: float, dq: float) -> None:
+        self.q, self.dq = np.full(3, q), np.full(3, dq)
+
+
+@pytest.mark.parametrize(
+    ("q", "dq", "limit"),
+    [
+        (0.0, 0.0, "LIMIT_ACCELERATION"),
+        (0.0, SPEED - 1e-4, "LIMIT_SPEED"),
+        (RANGE - 1e-5, 0.0, "LIMIT_POSITION"),
+    ],
+)
+def test_the_limit_of_accelerations_that_acts_is_named(q, dq, limit):
+    guard = AccelerationFilter(robot(), Body(0.0, 0.0), 5)
+    guard._plant.q[:], guard._plant.dq[:] = q, dq
+    assert guard.follow(np.array([0.0, 1e6, 0.0]), 0) == (1 if dq == 0.0 else 0) or dq > 0.0
+    assert LIMITS[guard.limit_of(1)] == limit
+
+
+def test_torques_beyond_the_effort_are_cut_by_the_limit_of_torque():
+    guard = FreeBaseFilter(robot(), Body(0.0, 0.0), 5, None)
+    assert guard.follow(np.array([0.0, 11.0, 0.0]), 0) == 1
+    assert LIMITS[guard.limit_of(1)] == "LIMIT_TORQUE"
+
+
+def event(kind: str, detail: int) -> Event:
+    found = Event()
+    found.kind, found.detail, found.tick = EVENTS[kind], detail, 7
+    return found
+
+
+JOINTS = arm().joint_names
+
+
+@pytest.mark.parametrize(
+    ("kind", "detail", "words"),
+    [
+        ("CLIPPED", 1, "elbow"),  # old logs
+        ("CLIPPED", 2 + (EVENTS["LIMIT_SPEED"] << LIMIT_SHIFT), "wrist: speed limit"),
+        ("CLIPPED", 0 + (EVENTS["LIMIT_JERK"] << LIMIT_SHIFT), "shoulder: jerk limit"),
+        ("CLIPPED", 3 + (99 << LIMIT_SHIFT), "joint 3"),
+        ("TORQUE_LIMITED", 1, "elbow: torque limit"),
+    ],
+)
+def test_events_name_joints_and_limits(kind, detail, words, capsys, tmp_path):
+    found = event(kind, detail)
+    assert in_words(found.kind, detail, JOINTS) == words
+    news: list = []
+    reporter = Reporter(None, "robot", "arm")
+    reporter.send = lambda name, content: news.append(content)
+    reporter.description(Record(Kind.DESCRIPTION, 0, arm().to_json()))
+    reporter.event(Record(Kind.EVENT, 0, found.dump()))
+    assert words in news[0]["text"]
+    assert json.dumps(news[0])
+    assert words in capsys.readouterr().err
