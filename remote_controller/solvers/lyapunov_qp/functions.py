@@ -12,6 +12,10 @@ from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import StableQp
 
 Array = NDArray[np.float64]
 
+ANSWERED = (status.OK, status.STATIONARY, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
+RATE_ERROR = 1e-8  # relative: what the decrease of an answer may be off
+SPEED_ERROR = 1e-12  # of each speed and its unit: what the solver rounds to, also where V rests
+
 
 def lyapunov_qp(
     gradient: ArrayLike,
@@ -51,14 +55,19 @@ def lyapunov_qp(
     wanted = number("decrease", decrease)
     solver = StableQp(slope.size, rest[0].shape[0], rest[4].shape[0], gamma=gamma, weights=weights)
     found = solver.solve(slope, 0.0, wanted, *rest)
-    missed = abs(solver.rate) > 1e-8 * abs(wanted)
-    if found in (status.ZERO_GRADIENT, status.INFEASIBLE_CONSTRAINTS) or (
-        missed
-        and found in (status.OK, status.STATIONARY, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
-    ):
+    error = SPEED_ERROR * float(np.abs(slope) @ (1.0 + np.abs(solver.u)))
+    if found == status.INFEASIBLE_CONSTRAINTS:
+        raise InfeasibleError("the constraints contradict each other: no input keeps them all.")
+    if found == status.ZERO_GRADIENT:
         raise InfeasibleError(
-            f"no input keeps the constraints with a decrease of {wanted}: "
-            f"{status.NAMES[found]}. Lower it to what `feasible_rate` allows."
+            f"decrease: the gradient is 0, so no input changes V (found {wanted}). Pass 0."
+        )
+    if found in ANSWERED and abs(solver.rate) > RATE_ERROR * abs(wanted) + error:
+        most, least = f"{wanted - solver.rate:.9g}", f"{wanted:.9g}"
+        limit = f"at most {most}" if solver.rate > 0.0 else f"at least {most}"
+        raise InfeasibleError(
+            f"decrease: the constraints permit {limit} (found {least}). Pass a decrease in that "
+            "range; `feasible_rate` computes the largest share of it."
         )
     _check(found)
     return solver.u

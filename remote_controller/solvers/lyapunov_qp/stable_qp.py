@@ -64,7 +64,7 @@ Array = NDArray[np.float64]
 PATHS = ("still", "free", "clamped", "qp")
 STILL, FREE, CLAMPED, QP = range(4)
 RHO, RESIDUAL = 1, 3  # places in the results of `lyapunov_qp_kernels`
-ROUNDING = 1e-14  # of ρ
+ROUNDING = 1e-14  # of ρ, or of what a fall sums up [W u]
 CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-6))
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
@@ -306,7 +306,8 @@ class StableQp:
             return found, 0.0
         if not self._steepest.sure:
             return status.UNSOLVED, 0.0
-        if fall >= wanted - ROUNDING * abs(wanted):
+        size = 1.0 + abs(wanted) + float(np.abs(self._steepest.slope) @ np.abs(self._steepest.v))
+        if fall >= wanted - (ROUNDING if wanted else CLOSE) * size:  # 0: no ρ can be compared
             return found, 1.0
         verdict = self._verdict(fall, wanted, drift / top, 1.0, self._forced() <= 0.0)
         return verdict, 0.0 if verdict == status.STATIONARY else self._rho(fall * top, psi, drift)

@@ -67,6 +67,45 @@ class TestFunctions:
             with pytest.raises(InfeasibleError):
                 lyapunov_qp(each.gradient, most_descent(each) * 1.01, 0.5, *rest)
 
+    @pytest.mark.parametrize("share", [0.0, 1e-12, 1e-9, 1e-6])
+    def test_a_decrease_of_zero_or_nearly_so_is_met(self, share: float) -> None:
+        for seed in range(60):
+            gradient = np.random.default_rng(seed).normal(size=3)
+            wanted = share * float(np.linalg.norm(gradient))
+            u = lyapunov_qp(gradient, wanted, 0.5, A=[[0.0, 0.0, -1.0]], b=[-0.1])
+            assert u[2] >= 0.1 - 1e-12
+            assert abs(gradient @ u + wanted) <= 1e-13 + 1e-8 * wanted
+        along = lyapunov_qp([1.0, 0.0], share, 0.5, lower=[-1.0, 0.1], upper=[1.0, 1.0])
+        np.testing.assert_allclose(along, [-share, 0.1], atol=1e-13)
+
+    @pytest.mark.parametrize("share", [0.0, 1e-9, 1e-6, 1e-3])
+    def test_the_one_point_with_the_largest_decrease_is_met_and_no_more(self, share: float) -> None:
+        for seed in range(40):
+            gradient = np.abs(np.random.default_rng(seed).normal(size=3))
+            lower = (np.array([-0.1, 0.1, 0.0]) - share * np.array([1.0, 0.0, 0.0])) / gradient
+            upper = lower + 1.0
+            u = lyapunov_qp(gradient, share, 0.5, lower=lower, upper=upper)
+            np.testing.assert_allclose(u, lower, atol=1e-9)
+            with pytest.raises(InfeasibleError, match=r"at most"):
+                lyapunov_qp(gradient, share + 1e-7, 0.5, lower=lower, upper=upper)
+
+    def test_infeasible_errors_name_the_range_that_the_constraints_permit(self) -> None:
+        with pytest.raises(InfeasibleError, match=r"at most 0\.5 .*found 0\.75"):
+            lyapunov_qp([1.0], 0.75, 0.5, lower=[-0.5], upper=[0.5])
+        with pytest.raises(InfeasibleError, match=r"at least 0\.25 .*found 0\)"):
+            lyapunov_qp([1.0], 0.0, 0.5, lower=[-0.5], upper=[-0.25])
+        with pytest.raises(InfeasibleError, match="gradient is 0"):
+            lyapunov_qp([0.0, 0.0], 1.0, 0.5)
+        with pytest.raises(InfeasibleError, match="contradict"):
+            lyapunov_qp([1.0], 0.0, 0.5, A=[[1.0], [-1.0]], b=[-1.0, 0.0])
+
+    def test_feasible_rate_is_1_where_nothing_is_asked_for_and_u_must_move(self) -> None:
+        for seed in range(200):
+            gradient = np.random.default_rng(seed).normal(size=3)
+            for psi in (0.0, 1e-12, 1e-9):
+                rho = feasible_rate(gradient, psi, A=[[0.0, 0.0, -1.0]], b=[-0.1])
+                assert rho == pytest.approx(1.0, abs=1e-6)
+
     def test_refusals(self) -> None:
         with pytest.raises(InfeasibleError):
             lyapunov_qp([0.0, 0.0], 1.0, 0.5)
