@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import Any
 
 from hoap3.protocol.errors import LinkError, WireError
-from hoap3.protocol.link.base import LockstepLink, RemoteRobotLink, Request
+from hoap3.protocol.link.base import Arrival, LockstepLink, RemoteRobotLink, Request
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
@@ -17,6 +18,9 @@ from hoap3.protocol.runtime.clock import VirtualClock
 REPEAT_S = 0.05
 GIVE_UP_S = 10.0
 WAITING = 64  # requests; of more only what ends the waiting is taken
+Address = tuple[int, int, int]  # session, tick, epoch
+KEPT_ANSWERS = 8  # that may come again
+MAX_IN_FLIGHT = 1024  # setpoints that wait to be validated; further ones are counted and dropped
 
 
 class RemoteLockstepLink(LockstepLink):
@@ -53,6 +57,18 @@ class RemoteLockstepLink(LockstepLink):
         self._waiting: list[Request] = []
         self._holder: str | None = None
         self._awake = False
+        self._answers = deque[bytes](maxlen=KEPT_ANSWERS)
+        self._overflowed = 0
+
+    @property
+    def name_conflicts(self) -> int:  # type: ignore[override]
+        """How many other robots on the network use the robot's name."""
+        return self._inner.name_conflicts
+
+    def drain(self) -> Sequence[Arrival]:
+        """Setpoints whose virtual arrival time has come; what has arrived since is sent after."""
+        self._receive()
+        return super().drain()
 
     def requests(self) -> Iterable[Request]:
         """Requests that have arrived; while time stands still, wait for one that moves it."""
@@ -84,14 +100,18 @@ class RemoteLockstepLink(LockstepLink):
 
     def counts(self) -> dict[str, int]:
         """What the link itself counts."""
-        return self._inner.counts()
+        counts = self._inner.counts()
+        overflowed = counts.get("overflowed", 0) + self._overflowed
+        return {**counts, "overflowed": overflowed} if overflowed else counts
 
     def close(self) -> None:
         """Leave the network."""
         self._inner.close()
 
     def _exchange_over_network(self, payload: bytes) -> bytes | None:
-        mode, tick = State.scalars(payload, "mode", "tick")
+        mode, session_id, tick, epoch = State.scalars(
+            payload, "mode", "session_id", "tick", "epoch"
+        )
         inner = self._inner
         inner.publish(payload)
         if self._endless and mode in {State.IDLE, State.STOPPED}:
@@ -102,9 +122,8 @@ class RemoteLockstepLink(LockstepLink):
         while not self._should_stop():
             inner.arrival.wait(REPEAT_S)
             inner.arrival.clear()
-            for _, answer in inner.drain():
-                if _answers(answer, tick):
-                    return answer
+            if self._receive((session_id, tick, epoch)):
+                return None  # it is in flight
             self._gather()
             if any(self._leaves(request) for request in self._waiting):
                 return None
@@ -115,6 +134,26 @@ class RemoteLockstepLink(LockstepLink):
                 inner.publish(payload)
                 repeated = now
         return None
+
+    def _receive(self, asked: Address | None = None) -> bool:
+        """Send all that has arrived to the robot, which validates it; whether `asked` is answered.
+
+        The bytes of an answer are not sent twice: a State that was repeated is answered again.
+        """
+        answered = False
+        for _, payload in self._inner.drain():
+            if payload in self._answers:
+                continue
+            address = _address(payload)
+            ends = asked is not None and address is not None and address[1] == asked[1]
+            if not ends and len(self._flying) >= MAX_IN_FLIGHT:
+                self._overflowed += 1
+                continue
+            if ends and address == asked:
+                self._answers.append(payload)
+            answered |= ends
+            self.send(payload)
+        return answered
 
     def _gather(self) -> None:
         """Take requests until the robot serves them, the first ones where there are too many.
@@ -146,8 +185,10 @@ class RemoteLockstepLink(LockstepLink):
         return replace(request, answer=answer)
 
 
-def _answers(payload: bytes, tick: int) -> bool:
+def _address(payload: bytes) -> Address | None:
+    """What a setpoint answers; None where it is no setpoint."""
     try:
-        return Setpoint.scalars(payload, "tick") == (tick,)
+        session_id, tick, epoch = Setpoint.scalars(payload, "session_id", "tick", "epoch")
     except WireError:
-        return False
+        return None
+    return session_id, tick, epoch
