@@ -10,7 +10,7 @@ from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.controllers.base import VelocityController
-from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import Form
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import GAMMA_SLOPE, Form
 from hoap3.remote_controller.tasks.registry import TaskSettings
 
 Positive = Annotated[float, Field(gt=0)]
@@ -29,7 +29,10 @@ class Qp12Objective(Settings):
         json_schema_extra=CHANGEABLE,
     )
     adaptive_gamma: bool = Field(
-        False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
+        False, description="γ·(2/π)·atan(gamma_slope·|∇V|) instead of γ: no chattering at the end"
+    )
+    gamma_slope: float = Field(
+        GAMMA_SLOPE, gt=0, le=1e12, description="of the adaptive γ over |∇V|, in 1/|∇V|"
     )
     weights: Weights = Field({}, description="W: weight of a joint by its name, 1 by default")
 

@@ -19,7 +19,6 @@ from hoap3.remote_controller.controllers.base import (
 from hoap3.remote_controller.controllers.lyapunov_qp import settings
 from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnostics
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
-from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import GAMMA_SLOPE
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
 from hoap3.remote_controller.default_task import default_goal
@@ -149,6 +148,7 @@ class StableQpController(VelocityController):
     def tune(self, parameters: Any) -> None:
         """Take γ, the gain, and Ψ."""
         self._gamma = getattr(parameters.objective, "gamma", 0.0)
+        self._slope = getattr(parameters.objective, "gamma_slope", 0.0)
         self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
         if not self._adaptive:
             self._solver.gamma = self._gamma
@@ -227,7 +227,7 @@ class StableQpController(VelocityController):
         self._ramp.advance(state)
         psi = self._rate_kernel(*self._psi, V, gradient, error) * self._ramp.share
         if self._adaptive:
-            slope = GAMMA_SLOPE * math.sqrt(gradient @ gradient)
+            slope = self._slope * math.sqrt(gradient @ gradient)
             solver.gamma = 2.0 * self._gamma / math.pi * math.atan(slope)
         rejected = stack.reject(gradient)
         self._equations()

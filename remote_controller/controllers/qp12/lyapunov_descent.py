@@ -18,6 +18,7 @@ from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp import descent_rate
 from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS, BoundedForm
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
 from hoap3.remote_controller.tasks.com import ComTask
@@ -58,7 +59,11 @@ class DescentController(VelocityController):
             0.6, gt=0, description="joint speed that Ψ is scaled by", json_schema_extra=CHANGEABLE
         )
         beta: float = Field(
-            46.0, gt=0, description="β of R(q), (41) [1/m]", json_schema_extra=CHANGEABLE
+            46.0, gt=0, description="β of (41) [1/error_unit]", json_schema_extra=CHANGEABLE
+        )
+        error_unit: descent_rate.ErrorUnit = Field(
+            "m",
+            description="unit of e in (16), (41) and the adaptive γ; V, V̇ and tolerances stay in m",
         )
         psi_scale: BoundedForm = Field(
             "inverse_sqrt_n",
@@ -96,7 +101,7 @@ class DescentController(VelocityController):
         """Take u_max, β and the tolerance."""
         self.task.tolerance_m = parameters.tolerance_m
         self._u_max = parameters.u_max_rad_s
-        self._rate = parameters.beta, self._form
+        self._rate = beta_per_m(parameters), self._form
         self._least_margin = -ROUNDING * self._u_max
 
     def fits(self, parameters: Any) -> None:
@@ -133,7 +138,7 @@ class DescentController(VelocityController):
 
     def fastest(self, parameters: Any, jacobian: FloatArray) -> float:
         """The largest rate at which it corrects joints, for a Jacobian of the task [1/s]."""
-        scales = parameters.u_max_rad_s, parameters.beta
+        scales = parameters.u_max_rad_s, beta_per_m(parameters)
         return loop_rate(parameters.psi_scale, scales, jacobian)
 
     @abstractmethod
@@ -158,8 +163,25 @@ class GammaParameters(DescentController.Parameters):
         json_schema_extra=CHANGEABLE,
     )
     adaptive_gamma: bool = Field(
-        False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
+        False, description="γ·(2/π)·atan(gamma_slope·|∇V|) instead of γ: no chattering at the end"
     )
+    gamma_slope: float = Field(
+        descent_rate.GAMMA_SLOPE,
+        gt=0,
+        le=1e12,
+        description="of the adaptive γ over |∇V| [rad/error_unit²]",
+    )
+
+
+def beta_per_m(parameters: DescentController.Parameters) -> float:
+    """β for e in metres [1/m]."""
+    return parameters.beta * descent_rate.UNITS_PER_M[parameters.error_unit]
+
+
+def gamma_slope(parameters: GammaParameters) -> float:
+    """Slope of the adaptive γ over |∇V| in SI units [rad/m²]; 0 where γ is constant."""
+    scale = descent_rate.UNITS_PER_M[parameters.error_unit]
+    return parameters.gamma_slope * scale**2 if parameters.adaptive_gamma else 0.0
 
 
 def _complete(

@@ -10,8 +10,6 @@ from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import bou
 from hoap3.remote_controller.solvers.qp12.pinv_kernels import solve_pinv, solve_pinv_plain
 from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual, solve_qp12
 
-GAMMA_SLOPE = 100.0  # of the adaptive γ (QP12, section V-C), in 1/|∇V|
-
 
 @inlined
 def required_decrease(
@@ -40,12 +38,14 @@ def required_decrease(
 
 
 @inlined
-def adapted_gamma(gradient: FloatArray, gamma_far: float) -> float:
-    """Section V-C: γ = (2γ_far/π)·atan(100|∇V|₂), which goes to 0 with the gradient."""
+def adapted_gamma(gradient: FloatArray, gamma_far: float, slope: float) -> float:
+    """Section V-C: γ = (2γ_far/π)·atan(slope·|∇V|₂), 0 where the gradient is; γ_far for slope 0."""
+    if slope == 0.0:
+        return gamma_far
     squares = 0.0
     for i in range(gradient.size):
         squares += gradient[i] * gradient[i]
-    return 2.0 * gamma_far / math.pi * math.atan(GAMMA_SLOPE * math.sqrt(squares))
+    return 2.0 * gamma_far / math.pi * math.atan(slope * math.sqrt(squares))
 
 
 @inlined
@@ -62,7 +62,7 @@ def rate_and_margin(
     certificate_out[4] = u_max - fastest
 
 
-@kernel("i8(f8[::1], f8[:,::1], f8, f8, i8, f8, b1, f8[::1], f8[::1], f8[::1])")
+@kernel("i8(f8[::1], f8[:,::1], f8, f8, i8, f8, f8, f8[::1], f8[::1], f8[::1])")
 def qp12_descent(
     error: FloatArray,
     jacobian: FloatArray,
@@ -70,12 +70,12 @@ def qp12_descent(
     beta: float,
     psi_scale: int,
     gamma_far: float,
-    adaptive: bool,
+    slope: float,
     gradient_out: FloatArray,
     u_out: FloatArray,
     certificate_out: FloatArray,
 ) -> int:
-    """Find u of (40), with constant γ or γ = (2γ_far/π)·atan(100|∇V|).
+    """Find u of (40), with constant γ or γ = (2γ_far/π)·atan(slope·|∇V|).
 
     Args:
         error: e, (m,) [m].
@@ -83,7 +83,8 @@ def qp12_descent(
         u_max: [rad/s].
         beta: of (41) [1/m].
         psi_scale: form of Ψ, see `bounded_rate`.
-        gamma_far: γ, or γ_far where `adaptive`.
+        gamma_far: γ, or γ_far where it is adaptive.
+        slope: of the adaptive γ, in 1/|∇V|; 0: γ is constant.
         gradient_out: ∇V, (n,).
         u_out: u, (n,) [rad/s].
         certificate_out: V, required V̇, predicted V̇, ρ, margin, KKT residual.
@@ -94,7 +95,7 @@ def qp12_descent(
     decrease = required_decrease(
         error, jacobian, u_max, beta, psi_scale, gradient_out, certificate_out
     )
-    gamma = adapted_gamma(gradient_out, gamma_far) if adaptive else gamma_far
+    gamma = adapted_gamma(gradient_out, gamma_far, slope)
     status = solve_qp12(gradient_out, decrease, gamma, u_out)
     rate_and_margin(gradient_out, u_out, u_max, certificate_out)
     certificate_out[5] = qp12_kkt_residual(gradient_out, decrease, gamma, u_out)

@@ -12,6 +12,7 @@ from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent import (
     DescentController,
     GammaParameters,
+    gamma_slope,
 )
 from hoap3.remote_controller.solvers.base import status
 
@@ -61,7 +62,7 @@ class OsqpController(DescentController):
     def tune(self, parameters: Any) -> None:
         """Take γ as well."""
         super().tune(parameters)
-        self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
+        self._settings = *self._rate, parameters.gamma, gamma_slope(parameters)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Forget earlier answers, that OSQP would start from."""

@@ -12,7 +12,7 @@ from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import (
 from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual
 
 
-@kernel("Tuple((f8, f8))(f8[::1], f8[:,::1], f8, f8, i8, f8, b1, f8[::1], f8[::1])")
+@kernel("Tuple((f8, f8))(f8[::1], f8[:,::1], f8, f8, i8, f8, f8, f8[::1], f8[::1])")
 def osqp_problem(
     error: FloatArray,
     jacobian: FloatArray,
@@ -20,7 +20,7 @@ def osqp_problem(
     beta: float,
     psi_scale: int,
     gamma_far: float,
-    adaptive: bool,
+    slope: float,
     gradient_out: FloatArray,
     certificate_out: FloatArray,
 ) -> tuple[float, float]:
@@ -28,7 +28,7 @@ def osqp_problem(
     decrease = required_decrease(
         error, jacobian, u_max, beta, psi_scale, gradient_out, certificate_out
     )
-    return decrease, adapted_gamma(gradient_out, gamma_far) if adaptive else gamma_far
+    return decrease, adapted_gamma(gradient_out, gamma_far, slope)
 
 
 @kernel("void(f8[::1], f8, f8, f8, f8[::1], f8[::1])")

@@ -10,7 +10,10 @@ from pydantic import Field
 from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.qp12.lyapunov_descent import DescentController
+from hoap3.remote_controller.controllers.qp12.lyapunov_descent import (
+    DescentController,
+    beta_per_m,
+)
 from hoap3.remote_controller.controllers.servo_rate import loop_rate
 
 
@@ -44,7 +47,7 @@ class PinvController(DescentController):
         """The rate of the plain law, or of the pseudo-inverse with V̇ = −Ψ [1/s]."""
         if parameters.law == "plain":
             return float(parameters.gain_per_s)
-        scales = parameters.u_max_rad_s, parameters.beta
+        scales = parameters.u_max_rad_s, beta_per_m(parameters)
         return loop_rate(parameters.psi_scale, scales, jacobian, pseudo_inverse=True)
 
     def descend(self, certificate: FloatArray) -> int:

@@ -9,6 +9,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent import (
     DescentController,
     GammaParameters,
+    gamma_slope,
 )
 
 
@@ -26,7 +27,7 @@ class Qp12Controller(DescentController):
     def tune(self, parameters: Any) -> None:
         """Take γ as well."""
         super().tune(parameters)
-        self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
+        self._settings = *self._rate, parameters.gamma, gamma_slope(parameters)
 
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""

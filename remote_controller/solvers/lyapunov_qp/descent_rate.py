@@ -23,6 +23,13 @@ Form = Literal[BoundedForm, "tanh", "exponential"]
 FORMS: tuple[str, ...] = get_args(Form)
 """Names of all forms; kernels know each by its place."""
 
+ErrorUnit = Literal["m", "cm", "mm"]
+UNITS_PER_M: dict[str, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+"""Units of e that (16), (41) and the adaptive γ may be given in."""
+
+GAMMA_SLOPE = 100.0
+"""Of the adaptive γ as printed (section V-C), in 1/|∇V|."""
+
 
 @dataclass(frozen=True)
 class DescentRate:

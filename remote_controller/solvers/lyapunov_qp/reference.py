@@ -37,9 +37,9 @@ def lyapunov(
     return float(0.5 * error @ W @ error), jacobian.T @ W @ error, float(error @ W @ drift)
 
 
-def adapted_gamma(gradient: Array, far: float) -> float:
-    """γ = (2γ_far/π)·atan(100|∇V|) of section V-C."""
-    return 2.0 * far / math.pi * math.atan(100.0 * float(np.linalg.norm(gradient)))
+def adapted_gamma(gradient: Array, far: float, slope: float = 100.0) -> float:
+    """γ = (2γ_far/π)·atan(slope·|∇V|) of section V-C, printed with a slope of 100."""
+    return 2.0 * far / math.pi * math.atan(slope * float(np.linalg.norm(gradient)))
 
 
 def descent_rate(

@@ -31,6 +31,8 @@ DEFAULTS: dict[str, Any] = {
     "kinematics_from": "measured",
     "gamma": 0.5,
     "adaptive_gamma": False,
+    "gamma_slope": 100.0,
+    "error_unit": "m",
     "law": "lyapunov",
     "gain_per_s": 10.0,
 }
@@ -39,7 +41,9 @@ CHOICES = {
     "kinematics_from": ("measured", "reference"),
     "law": ("lyapunov", "plain"),
     "adaptive_gamma": (False, True),
+    "error_unit": ("m", "cm", "mm"),
 }
+PER_M = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
 PLACE = 8.0 * float(np.finfo(float).eps)  # m, m/rad: how exactly e and each column of J are known
 OPTIMAL = 1e-9  # greatest residual of a certified answer
@@ -168,7 +172,8 @@ def _problems(
     gradient, gradient_off = np.zeros((2, m, n))
     step = np.zeros((m, n)) if inverse else np.zeros((m, 0))
     share = _shares(run, settings["ramp_s"])
-    form, u_max, beta = settings["psi_scale"], settings["u_max_rad_s"], settings["beta"]
+    form, u_max = settings["psi_scale"], settings["u_max_rad_s"]
+    beta = settings["beta"] * PER_M[settings["error_unit"]]
     for i in range(m):
         e, J = task.at(q[i])
         V[i], gradient[i] = 0.5 * float(e @ e), J.T @ e
@@ -218,9 +223,10 @@ def _residual(
     A, rows = a.max(1, keepdims=True), np.arange(len(b))
     gamma, gamma_off = np.full(len(b), float(settings["gamma"])), 0.0 * b
     if settings["adaptive_gamma"]:
-        slope = np.linalg.norm(problem.gradient, axis=1)
-        gamma_off = 2.0 / np.pi * gamma * 100.0 * np.linalg.norm(problem.gradient_off, axis=1)
-        gamma = 2.0 / np.pi * gamma * np.arctan(100.0 * slope)
+        slope = settings["gamma_slope"] * PER_M[settings["error_unit"]] ** 2
+        length, off_by = np.linalg.norm([problem.gradient, problem.gradient_off], axis=2)
+        gamma_off = 2.0 / np.pi * gamma * slope * off_by
+        gamma = 2.0 / np.pi * gamma * np.arctan(slope * length)
     x = -np.sign(problem.gradient) * u
     x[problem.gradient == 0.0] = -np.abs(u[problem.gradient == 0.0])
     t = x[rows, a.argmax(1)][:, None]
@@ -241,6 +247,7 @@ def _residual(
     residual = np.maximum(primal, apart)
     # where ∇V is all rounding, only |u|∞ ≤ Ψ/|∇V|∞ is known, (16)
     reach = settings["u_max_rad_s"] * math.sqrt(u.shape[1]) * settings["beta"]
+    reach *= PER_M[settings["error_unit"]]
     fastest = reach * (np.sqrt(2.0 * problem.V) + PLACE) + doubt.max(1)
     lost, still = A[:, 0] <= off, (b == 0.0) & (span == 0.0)
     residual, exact = np.where(lost, span / fastest, residual), np.where(lost, 1.0, exact)

@@ -60,7 +60,7 @@ def test_is_what_the_controllers_have(form: int) -> None:
     for _ in range(20):
         error, jacobian = rng.normal(size=3) * 0.02, rng.normal(size=(3, 21))
         gradient, u, certificate = np.zeros(21), np.zeros(21), np.zeros(6)
-        qp12_descent(error, jacobian, 0.6, 46.0, form, 0.5, False, gradient, u, certificate)
+        qp12_descent(error, jacobian, 0.6, 46.0, form, 0.5, 0.0, gradient, u, certificate)
         psi = DescentRate(FORMS[form])(certificate[0], gradient, float(np.linalg.norm(error)))
         assert psi == pytest.approx(-certificate[1], rel=1e-13)
 

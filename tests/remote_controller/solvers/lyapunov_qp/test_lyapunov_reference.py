@@ -131,14 +131,14 @@ def test_a_cycle_of_qp12_is_39_then_16_then_26(count):
     for place in range(count):
         e, J = errors(rng)
         n, (u_max, beta, far) = J.shape[1], rng.exponential(size=3)
-        far, adaptive = far / (1.0 + far), bool(place % 2)
+        far, bend = far / (1.0 + far), (0.0, 100.0, 1e6)[place // 3 % 3]
         (gradient, u), certificate = np.empty((2, n)), np.empty(6)
-        qp12_descent(e, J, u_max, beta, place % 3, far, adaptive, gradient, u, certificate)
+        qp12_descent(e, J, u_max, beta, place % 3, far, bend, gradient, u, certificate)
         V, slope, _ = reference.lyapunov(e, J, 0.0 * e, np.ones(e.size))
         near(gradient, slope, np.abs(J).T.max() * np.abs(e).sum())
         error = float(np.linalg.norm(e))
         psi = reference.descent_rate(FORMS[place % 3], V, gradient, error, u_max, beta)
-        gamma = reference.adapted_gamma(gradient, far) if adaptive else far
+        gamma = reference.adapted_gamma(gradient, far, bend) if bend else far
         fractions = [Fraction(slope) for slope in gradient]
         exact = qp12_reference.qp12(fractions, Fraction(psi), Fraction(gamma))
         expected = np.array([float(x) for x in exact])
@@ -146,7 +146,7 @@ def test_a_cycle_of_qp12_is_39_then_16_then_26(count):
         figures = [V, -psi, -psi, 1.0, u_max - np.abs(expected).max()]
         near(certificate[:5], np.array(figures), max(figures[0], psi, u_max, np.abs(u).max()))
         told = np.zeros(6)
-        problem = e, J, u_max, beta, place % 3, far, adaptive
+        problem = e, J, u_max, beta, place % 3, far, bend
         decrease, chosen = osqp_kernels.osqp_problem(*problem, gradient, told)
         near(np.array([decrease, chosen]), np.array([psi, gamma]), max(psi, 1.0))
         osqp_kernels.osqp_certificate(gradient, decrease, chosen, u_max, u, told)

@@ -146,7 +146,7 @@ class Problems:
         psi = self._psi(V, gradient, error) * float(self._shares[number])
         gamma = float(objective.get("gamma", 0.0))
         if objective.get("adaptive_gamma"):
-            gamma = adapted_gamma(gradient, gamma)
+            gamma = adapted_gamma(gradient, gamma, objective["gamma_slope"])
         A, b, asked = [np.zeros((0, n))], [np.zeros(0)], [np.zeros(0, bool)]
         C, c, rejected = [np.zeros((0, n))], [np.zeros(0)], False
         lower, upper = self.bounds.lower[number], self.bounds.upper[number]

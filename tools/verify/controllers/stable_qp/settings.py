@@ -31,7 +31,8 @@ PSI: dict[str, Any] = {
     "ramp_s": 0.0,
 }
 OBJECTIVES: dict[str, dict[str, Any]] = {
-    "qp12": {"kind": "qp12", "gamma": 0.5, "adaptive_gamma": (False, True), "weights": None},
+    "qp12": {"kind": "qp12", "gamma": 0.5, "adaptive_gamma": (False, True), "gamma_slope": 100.0}
+    | {"weights": None},
     "lp": {"kind": "lp", "p": None, "weights": None},
     "least_squares": {"kind": "least_squares", "gain_per_s": 1.0},
 }
