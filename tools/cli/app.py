@@ -363,17 +363,21 @@ def replay(
 @app.command()
 def export(
     log: Annotated[Path, typer.Argument(help="A log, or the folder of a run.")],
-    to: Annotated[Path, typer.Option("--to", help="File to write: *.csv or *.npz.")],
+    to: Annotated[Path, typer.Option("--to", help="File to write: *.csv, *.parquet or *.npz.")],
     side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
+    as_json: AsJson = False,
 ) -> None:
-    """Write a log as CSV or as numpy arrays; exit code 1 if a part of the log is lost."""
+    """Write a log as CSV, Parquet or numpy arrays; exit code 1 if a part of the log is lost."""
     from hoap3.tools.logs.export import export as write
 
     with progress(f"export {log}") as meter:
         written = write(log, to, side, meter.step)
-    print_line(str(written))
-    if written.replaced:
-        print_note("written in place of an earlier file")
+    if as_json:
+        print_json(written.as_json())
+    else:
+        print_line(str(written))
+    for file in written.replaced:
+        print_note(f"{file}: written in place of an earlier file")
     if written.missing:
         print_note(f"the log is not complete: {written.missing}")
     raise typer.Exit(0 if written.complete else 1)
@@ -487,6 +491,8 @@ def _mend(path: Path, as_json: bool) -> None:
             print_line(str(report))
     if wrong:
         raise LogError("; ".join(wrong))
+    if any(report.doubts for report in reports):
+        raise typer.Exit(1)
 
 
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:

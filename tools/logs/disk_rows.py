@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import tempfile
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -16,6 +16,8 @@ from hoap3.protocol.errors import LogError
 
 Table = npt.NDArray[Any]
 Places = npt.NDArray[np.int64]
+LogMessage = tuple[int, int, int, int, bytes]
+"""Channel, sequence, log time [ns], publish time [ns], data."""
 
 PART = 20_000
 """Rows that are looked at together, where what is computed of each takes much memory."""
@@ -89,6 +91,33 @@ class DiskRows:
             found.add(data[begins[place] : ends[place]].tobytes())
         return found
 
+    def padded(
+        self, which: Places, dtypes: dict[int, np.dtype[Any]], dtype: np.dtype[Any]
+    ) -> DiskRows:
+        """The same in one layout; numbers that a row does not have are NaN.
+
+        Args:
+            which: the layout of each, (N,).
+            dtypes: of the layouts; `dtype` has their fields, with arrays at least as long.
+        """
+        begins, raw, found = np.cumsum(self.sizes) - self.sizes, self.raw, DiskRows()
+        for part in parts(len(self)):
+            block = np.zeros(len(begins[part]), dtype)
+            for number in np.unique(which[part]).tolist():
+                alike, given = which[part] == number, dtypes[number]
+                places = begins[part][alike, None] + np.arange(given.itemsize)
+                rows = raw[places].view(given)[:, 0]
+                for name in given.names or ():
+                    if given[name].shape:
+                        values = np.full((len(rows), *dtype[name].shape), np.nan)
+                        values[:, : given[name].shape[0]] = rows[name]
+                        block[name][alike] = values
+                    else:
+                        block[name][alike] = rows[name]
+            for row in block:
+                found.add(row.tobytes())
+        return found
+
     def table(self, dtype: np.dtype[Any]) -> Table:
         """All of them as a structured array, (N,); it cannot be written to.
 
@@ -98,6 +127,43 @@ class DiskRows:
         if (self.sizes != dtype.itemsize).any():
             raise ValueError(f"a message is not of the {dtype.itemsize} bytes of those before it")
         return self.raw.view(dtype)
+
+
+class SortedRows:
+    """Messages of a file in the order of their log times, in a temporary file.
+
+    Args:
+        messages: in the order of the file.
+        rank: of a message among those with its log time.
+    """
+
+    def __init__(self, messages: Iterator[LogMessage], rank: Callable[[int, bytes], int]) -> None:
+        rows, heads, ranks = DiskRows(), array("q"), array("q")
+        for *head, data in messages:
+            heads.extend(head)
+            ranks.append(rank(head[0], data))
+            rows.add(data)
+        self._heads = np.array(heads, np.int64).reshape(-1, 4)
+        self._ends, self._sizes, self._raw = np.cumsum(rows.sizes), rows.sizes, rows.raw
+        self._order = np.lexsort((np.array(ranks), self._heads[:, 2]))
+        self._rows = rows
+
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """First and last log time of each part [ns]."""
+        stamps = self._heads[self._order, 2]
+        return [(int(stamps[p][0]), int(stamps[p][-1])) for p in parts(len(stamps))]
+
+    def parts(self) -> list[Iterator[LogMessage]]:
+        """The messages, some of them at a time."""
+        return [self._part(part) for part in parts(len(self._order))]
+
+    def _part(self, part: slice) -> Iterator[LogMessage]:
+        for place in self._order[part].tolist():
+            channel, sequence, log, publish = self._heads[place].tolist()
+            end = self._ends[place]
+            data = self._raw[end - self._sizes[place] : end].tobytes()
+            yield channel, sequence, log, publish, data
 
 
 class RowsAt:

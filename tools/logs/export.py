@@ -1,14 +1,17 @@
-"""Writes logs as numpy arrays (`.npz`) and as CSV.
+"""Writes logs as tables (`.csv`, `.parquet`) and as numpy arrays (`.npz`).
 
-Messages are held once, as the bytes that were logged; columns are views of them, and rows of text
-are made block by block.
+Messages are held once, as the bytes that were logged; columns are views of them, and tables are
+written block by block. Beside a table lies a JSON file that describes its columns and counts what
+the table does not hold.
 """
 
 from __future__ import annotations
 
 import csv
+import json
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +22,14 @@ from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.atomic_write import whole_file
+from hoap3.tools.logs.disk_rows import parts
 from hoap3.tools.logs.log import Log
+from hoap3.tools.machine.extras import check_parquet
 
-BLOCK = 1024  # rows of a CSV that exist as text at a time
 PER_JOINT = {"q", "dq", "tau", "reference", "values"}
 
 Array = npt.NDArray[Any]
+Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -34,50 +39,65 @@ class ExportReport:
     Attributes:
         out: the file.
         count, unit: how many rows, or arrays.
+        held: how many messages of each kind it holds.
+        left_out: how many of each other kind the log holds, or could not be read.
         missing: what the log has lost, in words, or "".
         complete: nothing is missing but what the log's own cap has deleted.
-        replaced: an earlier file lay there.
+        replaced: earlier files that were there.
     """
 
     out: Path
     count: int
     unit: str
-    missing: str
-    complete: bool
-    replaced: bool
+    held: dict[str, int] = field(default_factory=dict)
+    left_out: dict[str, int] = field(default_factory=dict)
+    missing: str = ""
+    complete: bool = True
+    replaced: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {**asdict(self), "out": str(self.out)}
 
     def __str__(self) -> str:
-        return f"{self.out}: {self.count} {self.unit}"
+        held = ", ".join(f"{count} {kind}" for kind, count in self.held.items())
+        left = ", ".join(f"{count} {kind}" for kind, count in self.left_out.items())
+        return f"{self.out}: {self.count} {self.unit}; {held}" + (
+            f"; without {left}" if left else ""
+        )
 
 
-def export(
-    path: Path, to: Path, side: str = "robot", say: Callable[[str], None] = lambda _: None
-) -> ExportReport:
-    """Write a log as `to` is named, `*.csv` or `*.npz`; damaged chunks of the log are left out.
+def export(path: Path, to: Path, side: str = "robot", say: Say = lambda _: None) -> ExportReport:
+    """Write a log as `to` is named; damaged chunks of the log are left out.
 
     Args:
         path: a log, or the folder of a run, of which `side` chooses the log.
-        to: the file; one that is there already is replaced.
+        to: `*.csv`, `*.parquet` or `*.npz`; one that is there already is replaced.
         side: "robot" or "controller".
         say: takes what is being done.
 
     Raises:
         LogError: no log of ours.
         UsageError: another ending, or `to` cannot be written.
+        NotInstalledError: the package for Parquet is missing.
     """
-    writers = {".csv": (export_csv, "rows"), ".npz": (export_npz, "arrays")}
-    if to.suffix not in writers:
-        raise UsageError(f"{to}: cannot tell the format. End the name in .csv or .npz")
-    write, unit = writers[to.suffix]
+    tables = {".csv": export_csv, ".parquet": export_parquet}
+    if to.suffix not in {*tables, ".npz"}:
+        raise UsageError(f"{to}: cannot tell the format. End the name in .csv, .parquet or .npz")
+    if to.suffix == ".parquet":
+        check_parquet()
     say("reading the log")
     log = Log.open(path, side if path.is_dir() else None)
-    replaced = to.is_file()
-    count = write(log, to, say)
-    complete = not (log.truncated or log.damages)
-    return ExportReport(to, count, unit, log.missing, complete, replaced)
+    files = [to, to.with_suffix(".json")] if to.suffix in tables else [to]
+    replaced = tuple(str(file) for file in files if file.is_file())
+    count = tables.get(to.suffix, export_npz)(log, to, say)
+    held, left_out = _counts(log, events=to.suffix == ".npz")
+    complete = not (log.truncated or log.damages or any(log.unreadable.values()))
+    unit = "rows" if to.suffix in tables else "arrays"
+    return ExportReport(to, count, unit, held, left_out, log.missing, complete, replaced)
 
 
-def export_npz(log: Log, out: Path, say: Callable[[str], None] = lambda _: None) -> int:
+def export_npz(log: Log, out: Path, say: Say = lambda _: None) -> int:
     """One array a field: `state.q`, `setpoint.tick`, `event.kind`, …, in file order.
 
     `state.log_time` and its like are the monotonic stamps of the log [ns]; `joint_names` names the
@@ -105,87 +125,195 @@ def export_npz(log: Log, out: Path, say: Callable[[str], None] = lambda _: None)
     return len(arrays)
 
 
-def export_csv(log: Log, out: Path, say: Callable[[str], None] = lambda _: None) -> int:
-    """One row a tick: the State, and the first Setpoint that answers it, or empty fields.
+def export_csv(log: Log, out: Path, say: Say = lambda _: None) -> int:
+    """One row a State, with the Setpoint that answers it; see `_rows`.
 
-    The columns of the Setpoint begin with `setpoint.`; arrays give a column a joint, such as
-    `q.left_knee`, or a number. Lines before the header begin with `#` and give the units. Numbers
-    are written so that reading them gives the same bits.
+    The first line names the columns: those of the Setpoint begin with `setpoint.`; arrays give a
+    column a joint, such as `q.left_knee`, or a number. Fields of a message that a row does not
+    have are empty. Numbers are written so that reading them gives the same bits.
 
     Returns:
         How many rows.
 
     Raises:
         LogError: the log is damaged.
-        UsageError: `out` cannot be written.
+        UsageError: `out` or the JSON file beside it cannot be written.
     """
-    state_stamps, states = log.table(Kind.STATE)
-    setpoint_stamps, setpoints = log.table(Kind.SETPOINT)
-    first, answers = _join(states, setpoints)
-    names = _joint_names(log)
-    left = _Table("", state_stamps, states, names, [])
-    right = _Table("setpoint.", setpoint_stamps, setpoints, names, log.names("extra"))
-    try:
-        with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
-            stream.writelines(f"# {line}\n" for line in _legend())
+
+    def write(draft: Path, tables: tuple[_Table, _Table]) -> None:
+        with draft.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow([*left.header, *right.header])
-            for at in range(0, len(first), BLOCK):
-                say(f"row {at} of {len(first)}")
-                found = answers[at : at + BLOCK]
-                ours = left.rows(first[at : at + BLOCK])
-                theirs = right.rows(found[found >= 0])
-                empty = [""] * len(right.header)
-                for row, answer in zip(ours, found, strict=True):
-                    writer.writerow([*row, *(next(theirs) if answer >= 0 else empty)])
+            writer.writerow(name for table in tables for name in table.columns)
+            for part in parts(len(tables[0])):
+                say(f"row {part.start} of {len(tables[0])}")
+                blocks = [each for table in tables for each in table.block(part)]
+                texts = [
+                    [
+                        "" if none else value
+                        for value, none in zip(values.tolist(), absent.tolist(), strict=True)
+                    ]
+                    for values, absent in blocks
+                ]
+                writer.writerows(zip(*texts, strict=True))
+
+    return _export(log, out, write)
+
+
+def export_parquet(log: Log, out: Path, say: Say = lambda _: None) -> int:
+    """The same as Parquet: null where a row does not have a message.
+
+    Returns, raises: as `export_csv`.
+    """
+    import pyarrow as pa
+    from pyarrow.parquet import ParquetWriter
+
+    def write(draft: Path, tables: tuple[_Table, _Table]) -> None:
+        columns = {name: dtype for table in tables for name, dtype in table.columns.items()}
+        schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()])
+        with ParquetWriter(draft, schema) as writer:
+            for part in parts(len(tables[0])):
+                say(f"row {part.start} of {len(tables[0])}")
+                blocks = [each for table in tables for each in table.block(part)]
+                arrays = [pa.array(values, mask=absent) for values, absent in blocks]
+                writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+
+    return _export(log, out, write)
+
+
+def _export(log: Log, out: Path, write: Callable[[Path, tuple[_Table, _Table]], None]) -> int:
+    """Write a table, and beside it what describes it; how many rows it has."""
+    (state_stamps, states), (stamps, setpoints) = log.table(Kind.STATE), log.table(Kind.SETPOINT)
+    first, answers = _rows(state_stamps, states, stamps, setpoints)
+    names = _joint_names(log)
+    left = _Table("", state_stamps, states, names, [], first)
+    right = _Table("setpoint.", stamps, setpoints, names, log.names("extra"), answers)
+    held, left_out = _counts(log, events=False)
+    about = {
+        "robot": log.robot,
+        "side": log.side,
+        "sessions": np.unique(states["session_id"]).tolist(),
+        "joint_names": names,
+        "rows": len(first),
+        "rows_without_state": int(np.count_nonzero(first < 0)),
+        "rows_without_setpoint": int(np.count_nonzero(answers < 0)),
+        "held": held,
+        "left_out": left_out,
+        "missing": log.missing,
+        "notes": [*_notes(State.schema), *_notes(Setpoint.schema)],
+        "columns": {**left.about(State.schema), **right.about(Setpoint.schema)},
+    }
+    try:
+        with whole_file(out) as draft:
+            write(draft, (left, right))
+        with whole_file(out.with_suffix(".json")) as draft:
+            draft.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise _unwritable(out, error) from error
     return len(first)
 
 
 class _Table:
-    """Columns of one kind of message: their names, and any rows of them."""
+    """Columns of one kind of message: their names, and the rows at some places of it.
+
+    Args:
+        prefix: of the names.
+        stamps, rows: of the messages.
+        joints, extra: names of what arrays hold.
+        places: of the message in each row, (R,), -1 for none.
+    """
 
     def __init__(
-        self, prefix: str, stamps: Array, rows: Array, joints: list[str], extra: list[str]
+        self,
+        prefix: str,
+        stamps: Array,
+        rows: Array,
+        joints: list[str],
+        extra: list[str],
+        places: Array,
     ) -> None:
-        self._stamps, self._rows = stamps, rows
+        self._prefix, self._stamps, self._rows, self._places = prefix, stamps, rows, places
         known = {**dict.fromkeys(PER_JOINT, joints), "extra": extra}
-        self.header = [f"{prefix}log_time"]
+        self.columns = {f"{prefix}log_time": np.dtype(np.int64)}
         for name in rows.dtype.names or ():
-            shape = rows.dtype[name].shape
-            if not shape:
-                self.header.append(prefix + name)
-                continue
+            base, shape = rows.dtype[name].base, rows.dtype[name].shape
             labels = known.get(name, [])
-            places = labels if len(labels) == shape[0] else range(shape[0])
-            self.header += [f"{prefix}{name}.{label}" for label in places]
+            ends = labels if shape and len(labels) == shape[0] else range(shape[0] if shape else 0)
+            titles = [f"{prefix}{name}.{label}" for label in ends] if shape else [prefix + name]
+            self.columns |= dict.fromkeys(titles, base)
 
-    def rows(self, places: Array) -> Iterator[tuple[Any, ...]]:
-        """The rows at `places`, as Python numbers."""
-        rows = self._rows[places]
-        columns: list[list[Any]] = [self._stamps[places].tolist()]
-        for name in rows.dtype.names or ():
-            values = rows[name]
-            columns += [values.tolist()] if values.ndim == 1 else values.T.tolist()
-        return zip(*columns, strict=True)
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def block(self, part: slice) -> Iterator[tuple[Array, Array]]:
+        """Of each column the values of some rows, and which of them are absent."""
+        places = self._places[part]
+        absent = places < 0
+        if absent.all():
+            yield from ((np.zeros(len(places), dtype), absent) for dtype in self.columns.values())
+            return
+        places = np.where(absent, 0, places)
+        yield self._stamps[places], absent
+        for name in self._rows.dtype.names or ():
+            values = self._rows[name][places]
+            yield from ((column, absent) for column in np.atleast_2d(values.T))
+
+    def about(self, schema: Schema) -> dict[str, dict[str, str]]:
+        """Type of each column as pandas names it, and what it means, with its unit."""
+        gaps, meanings = (self._places < 0).any(), _meanings(schema)
+        meanings["log_time"] = "when it was logged, monotonic clock of the writer, ns"
+        found = {}
+        for title, dtype in self.columns.items():
+            name = title.removeprefix(self._prefix).partition(".")[0]
+            kind = dtype.name.replace("i", "I", 1).replace("uI", "UI") if gaps else dtype.name
+            kind = dtype.name if dtype.kind == "f" else kind
+            found[title] = {"dtype": kind, "meaning": meanings.get(name, "")}
+        return found
 
 
-def _join(states: Array, setpoints: Array) -> tuple[Array, Array]:
-    """Place of each tick's first State, and of the first Setpoint that answers it, or -1."""
+def _rows(
+    state_stamps: Array, states: Array, stamps: Array, setpoints: Array
+) -> tuple[Array, Array]:
+    """Places of the State and of the Setpoint of each row, -1 for none.
+
+    A State and a Setpoint of one session and tick share a row: the first ones, the second ones
+    and so on. Every message has its row; those of Setpoints without a State lie where they were
+    logged.
+    """
     sessions = np.concatenate([states["session_id"], setpoints["session_id"]])
     ticks = np.concatenate([states["tick"], setpoints["tick"]])
-    pairs = np.stack([sessions, ticks], axis=1)
-    _, keys = np.unique(pairs, axis=0, return_inverse=True)
-    state_keys, setpoint_keys = np.split(keys.ravel(), [len(states)])
-    _, first = np.unique(state_keys, return_index=True)
-    first.sort()
-    answered, answers = np.unique(setpoint_keys, return_index=True)
-    if not answered.size:
-        return first, np.full(len(first), -1)
-    wanted = state_keys[first]
-    place = np.minimum(np.searchsorted(answered, wanted), answered.size - 1)
-    return first, np.where(answered[place] == wanted, answers[place], -1)
+    _, keys = np.unique(np.stack([sessions, ticks], axis=1), axis=0, return_inverse=True)
+    ours, theirs = (_numbered(each, len(keys)) for each in np.split(keys.ravel(), [len(states)]))
+    _, at, of = np.intersect1d(ours, theirs, assume_unique=True, return_indices=True)
+    answers = np.full(len(states), -1)
+    answers[at] = of
+    alone = np.setdiff1d(np.arange(len(setpoints)), of)
+    logged = np.concatenate([np.maximum.accumulate(state_stamps), stamps[alone]])
+    order = np.argsort(logged, kind="stable")
+    first = np.concatenate([np.arange(len(states)), np.full(len(alone), -1)])
+    return first[order], np.concatenate([answers, alone])[order]
+
+
+def _numbered(keys: Array, most: int) -> Array:
+    """Different numbers for equal keys below `most`: the n-th of each key is the same for all."""
+    order = np.argsort(keys, kind="stable")
+    nth = np.empty_like(order)
+    nth[order] = np.arange(len(keys)) - np.searchsorted(keys[order], keys[order])
+    return keys + nth * most
+
+
+def _counts(log: Log, *, events: bool) -> tuple[dict[str, int], dict[str, int]]:
+    """How many messages of each kind an export holds, and how many it does not."""
+    kinds = Counter(record.kind for record in log.records())
+    names = {Kind.STATE: "states", Kind.SETPOINT: "setpoints", Kind.EVENT: "events"}
+    unread = {kind: log.unreadable.get(kind, 0) for kind in names}
+    held = {name: kinds.pop(kind, 0) - unread[kind] for kind, name in names.items()}
+    left = {f"unreadable {name}": unread[kind] for kind, name in names.items()}
+    if not events:
+        left["events"] = held.pop("events")
+    left["targets"] = kinds.pop(Kind.TARGET, 0)
+    left["damaged places"] = kinds.pop(Kind.GAP, 0)
+    left |= {"inputs": kinds.total(), "messages on other topics": log.others}
+    return held, {name: count for name, count in left.items() if count}
 
 
 def _joint_names(log: Log) -> list[str]:
@@ -195,22 +323,20 @@ def _joint_names(log: Log) -> list[str]:
         return []  # a log that was cut off before its first record has no names
 
 
-def _legend() -> Iterator[str]:
-    """Units and meaning of the columns, as the comments of the `.msg` files give them."""
-    yield "log_time: when it was logged, monotonic clock of the writer, ns"
-    for prefix, schema in (("", State.schema), ("setpoint.", Setpoint.schema)):
-        yield from _comments(prefix, schema)
-
-
-def _comments(prefix: str, schema: Schema) -> Iterator[str]:
-    fields = {*schema.scalars, *schema.arrays}
+def _meanings(schema: Schema) -> dict[str, str]:
+    """Units and meaning of the fields, as the comments of the `.msg` file give them."""
+    found = {}
     for line in schema.text.splitlines():
         declaration, _, comment = line.partition("#")
         words = declaration.split()
-        if not words and comment.strip():
-            yield comment.strip()
-        elif len(words) == 2 and words[1] in fields and comment.strip():
-            yield f"{prefix}{words[1]}: {comment.strip()}"
+        if len(words) == 2:
+            found[words[1]] = comment.strip()
+    return found
+
+
+def _notes(schema: Schema) -> list[str]:
+    """What the `.msg` file says of no field."""
+    return [line[1:].strip() for line in schema.text.splitlines() if line.startswith("#")]
 
 
 def _unwritable(out: Path, error: OSError) -> UsageError:

@@ -21,17 +21,24 @@ import numpy.typing as npt
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError, WireError
-from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION, Message, Schema, Setpoint, State
+from hoap3.protocol.messages import (
+    CDR_HEADER,
+    MAX_ELEMENTS,
+    WIRE_VERSION,
+    Message,
+    Schema,
+    Setpoint,
+    State,
+)
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.protocol.wire_versions import OLDEST, upgraded
-from hoap3.tools.logs.disk_rows import DiskRows
+from hoap3.tools.logs.disk_rows import DiskRows, parts
 from hoap3.tools.logs.log_format import (
     CHANNELS,
     FORMAT,
     KIND_CHANNELS,
     LEAST_TOPICS,
     OF_OTHERS,
-    PROFILE,
     SCHEMAS,
     SIDES,
     TOPICS,
@@ -45,8 +52,9 @@ Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]
 
 MOST_TOLD = 5  # damaged places that are named one by one
+MAX_PADDED = 8  # times the bytes of all messages, for a table with those of several layouts
+SLACK_BYTES = 1 << 26  # beyond that
 LONGEST_PART = 9  # digits of a file's number
-MOST_LAYOUTS = 32  # of messages of one size that are told apart
 VERSIONS = tuple(str(version) for version in range(OLDEST, WIRE_VERSION + 1))  # that are read
 GROWN: dict[Kind, type[Message]] = {Kind.STATE: State, Kind.SETPOINT: Setpoint}
 """Messages that have got arrays since the oldest version."""
@@ -56,6 +64,12 @@ NEVER_OURS = (
     *(ArithmeticError, AttributeError, RecursionError),
 )
 """What reading a record may raise that no service of ours has written."""
+
+_FIRST = (Kind.DESCRIPTION, Kind.SESSION, Kind.CONFIG, Kind.TOKEN, Kind.REQUEST, Kind.AUTHORITY)
+_CYCLE = (Kind.STATE, Kind.EVENT, Kind.RESET, Kind.SETPOINT)
+_ORDER = {"robot": (*_FIRST, Kind.EVENT, *_CYCLE), "controller": (*_FIRST, *_CYCLE)}
+"""In which records of one log time are processed, where another tool has shuffled them."""
+_RISING = frozenset({CHANNELS["state"], CHANNELS["setpoint"]})
 
 _NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 
@@ -67,7 +81,7 @@ class Log:
     opened by themselves. Damaged chunks of a file are skipped, and `missing` names them.
 
     Attributes:
-        paths: the files, oldest first.
+        scans, paths: the files, oldest first.
         robot, side: whose log it is.
         wire_version: of its messages, as they were written.
         metadata: facts by group; of several files, the last one that says something.
@@ -76,26 +90,33 @@ class Log:
         from_begin: the first file that was written is there.
         damages: what cannot be read inside it, in words, "" for nothing.
         missing: what is lost, in words, "" for nothing.
+        unreadable: messages of each kind that the last `table` had to leave out.
+        others: how many messages lie on topics that are not ours.
     """
 
     def __init__(self, files: list[Path]) -> None:
-        self._scans, lost = _unbroken(files)
+        self.scans, lost = _unbroken(files)
         self.truncated = lost is not None
-        self.paths = [scan.path for scan in self._scans]
-        self.metadata = {name: f for scan in self._scans for name, f in scan.metadata.items()}
+        self.paths = [scan.path for scan in self.scans]
+        self.metadata = {name: f for scan in self.scans for name, f in scan.metadata.items()}
         self.attachments = {
-            name: data for scan in self._scans for name, data in scan.attachments.items()
+            name: data for scan in self.scans for name, data in scan.attachments.items()
         }
-        first = self._scans[0].metadata["log"]
+        first = self.scans[0].metadata["log"]
         self.robot, self.side = first["robot"], first["side"]
         self.wire_version = int(first["wire_version"])
         self._grown = GROWN if self.wire_version < WIRE_VERSION else {}
         before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
         self.from_begin = before is None
-        damages = [(scan, damage) for scan in self._scans for damage in scan.damages]
-        repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self._scans]
-        self.damages = "; ".join(filter(None, (*_told(damages, self._begin), *repaired)))
+        damages = [(scan, damage) for scan in self.scans for damage in scan.damages]
+        repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self.scans]
+        doubts = [f"{scan.path.name}: {what}" for scan in self.scans for what in scan.doubts]
+        told = (*_told(damages, self._begin), *doubts, *repaired)
+        self.damages = "; ".join(filter(None, told))
         self.missing = "; ".join(filter(None, (before, self.damages, lost)))
+        self.unreadable: dict[Kind, int] = {}
+        foreign = [scan for scan in self.scans if 0 in scan.ids.values()]
+        self.others = sum(message[0] == 0 for scan in foreign for message in scan.messages())
 
     @classmethod
     def open(cls, path: Path | str, side: str | None = None) -> Log:
@@ -127,7 +148,7 @@ class Log:
     @property
     def _begin(self) -> int:
         """Log time of its first message [ns], or 0."""
-        return next((scan.begin for scan in self._scans if scan.begin is not None), 0)
+        return next((scan.begin for scan in self.scans if scan.begin is not None), 0)
 
     def names(self, key: str) -> list[str]:
         """Names that its first session gives: `extra` columns, or `conditions`."""
@@ -165,7 +186,7 @@ class Log:
         """
         kinds = {channel: kind for kind, channel in KIND_CHANNELS.items()}
         inputs = CHANNELS["inputs"]
-        for place, scan in enumerate(self._scans):
+        for place, scan in enumerate(self.scans):
             for channel, _, stamp, _, payload in _with_gaps(scan):
                 kind = kinds.get(channel)
                 if kind is not None:
@@ -186,8 +207,9 @@ class Log:
     def table(self, kind: Kind) -> tuple[Stamps, Rows]:
         """Log times [ns] and all messages of a kind, as a structured array that lies on disk.
 
-        Where messages differ in the lengths of their arrays, as those of a stranger may do, these
-        are the ones of the most frequent layout; `records` has all.
+        Messages may differ in the lengths of their arrays: each array of the table is as long as
+        the longest, and NaN fills the rest. Scalars are in every message. What is no message of
+        the kind is left out and counted in `unreadable`.
 
         Args:
             kind: STATE, SETPOINT or EVENT.
@@ -197,7 +219,7 @@ class Log:
         """
         channel, schema = KIND_CHANNELS[kind], SCHEMAS[kind]
         stamps, rows = array("q"), DiskRows()
-        for scan in self._scans:
+        for scan in self.scans:
             for message in scan.messages():
                 if message[0] == channel:
                     payload = message[4]
@@ -205,19 +227,25 @@ class Log:
                         payload = upgraded(self._grown[kind], payload)
                     stamps.append(message[2])
                     rows.add(payload)
-        if not rows:
-            return np.empty(0, np.int64), np.empty(0, schema.dtype({}))
-        sizes, first, counts = np.unique(rows.sizes, return_index=True, return_counts=True)
-        of_most = np.lexsort((first, -counts))[0]
-        alike = rows.sizes == sizes[of_most]
-        if not alike.all():
-            rows = rows.only(alike)
-        try:
-            return _of_one_layout(schema, np.array(stamps, np.int64)[alike], rows)
-        except WireError as error:
+        found = np.array(stamps, np.int64)
+        layouts, which = _layouts(schema, rows)
+        longest, most = _longest(schema, layouts), MAX_PADDED * len(rows.raw) + SLACK_BYTES
+        while len(rows) * schema.dtype(longest).itemsize > most and len(layouts) > 1:
+            del layouts[max(layouts, key=lambda each: schema.dtype(layouts[each]).itemsize)]
+            longest = _longest(schema, layouts)
+        readable = np.isin(which, list(layouts))
+        self.unreadable[kind] = int(np.count_nonzero(~readable))
+        if len(rows) and not layouts:
             raise LogError(
-                f"{self.paths[0]}: {error}. Read the log with the version that wrote it"
-            ) from error
+                f"{self.paths[0]}: none of its {len(rows)} messages of kind {kind.name} can be "
+                "read. Read the log with the version that wrote it"
+            )
+        if not readable.all():
+            rows, found, which = rows.only(readable), found[readable], which[readable]
+        if len(layouts) > 1:
+            dtypes = {number: schema.dtype(each) for number, each in layouts.items()}
+            rows = rows.padded(which, dtypes, schema.dtype(longest))
+        return found, rows.table(schema.dtype(longest))
 
     def states(self) -> Rows:
         """Every State, as a structured array with the field names of `State.msg`."""
@@ -341,17 +369,21 @@ def _part(scan: McapScan) -> int:
 
 
 def check_ours(scan: McapScan) -> None:
-    """Refuse a file that is none of our logs.
+    """Refuse a file that is none of our logs; number the channels of one that is as ours.
 
     Raises:
         LogError: it is none, or of another version.
     """
     file = scan.path
-    facts = scan.metadata.get("log", {})
-    ours = {"format", "wire_version", "robot", "side", "part"} <= facts.keys()
-    if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < LEAST_TOPICS:
+    facts, needed = (
+        scan.metadata.get("log", {}),
+        {"format", "wire_version", "robot", "side", "part"},
+    )
+    if not needed <= facts.keys():
+        facts = scan.metadata["log"] = _inferred(scan)
+    if not (scan.whole or scan.has_messages) and len(scan.channels) < LEAST_TOPICS:
         raise LogError(f"{file}: {scan.problem}, before any record. Nothing can be saved")
-    if not ours or facts["side"] not in SIDES or not _is_part(facts["part"]):
+    if not facts or facts["side"] not in SIDES or not _is_part(facts["part"]):
         raise LogError(f"{file}: is an MCAP file, but none of ours. Name a log of `hoap3`")
     if facts["format"] != FORMAT or facts["wire_version"] not in VERSIONS:
         raise LogError(
@@ -359,11 +391,61 @@ def check_ours(scan: McapScan) -> None:
             f"version reads format {FORMAT}, wire version {' or '.join(VERSIONS)}. "
             "Read it with the version that wrote it"
         )
-    known = {place: topic_name(facts["robot"], t.leaf) for place, t in enumerate(TOPICS, 1)}
-    topics = {place: channel.topic for place, channel in scan.channels.items()}
-    ours = len(topics) >= LEAST_TOPICS and topics.items() <= known.items()
-    if scan.profile != PROFILE or not ours:
+    merged = {f"{m.get('side')} of {m.get('robot')}, part {m.get('part')}" for m in scan.logs}
+    if len(merged) > 1:
+        raise LogError(
+            f"{file}: holds several logs in one file ({'; '.join(sorted(merged))}), whose messages "
+            "cannot be told apart. Name the files that were merged"
+        )
+    known = {topic_name(facts["robot"], t.leaf): (n, t) for n, t in enumerate(TOPICS, 1)}
+    ids = dict.fromkeys(scan.channels, 0)
+    for number, channel in scan.channels.items():
+        ours, topic = known.get(channel.topic, (0, TOPICS[0]))
+        schema = scan.schemas.get(channel.schema_id)
+        if ours == number or schema is None or schema.name == topic.schema_name:
+            ids[number] = ours
+    if not any(ids.values()):
         raise LogError(f"{file}: its topics are not those of our logs. Name a log of `hoap3`")
+    if any(number != ours for number, ours in ids.items()):
+        scan.ids = ids
+    if scan.ids or scan.moved:
+        order = _ORDER[facts["side"]]
+        scan.sort(lambda channel, data: _rank(channel, data, order), _RISING)
+
+
+def _inferred(scan: McapScan) -> dict[str, str]:
+    """The facts about a log that another tool wrote without them; none where they are not known."""
+    robots, side = set(), _NAME.fullmatch(scan.path.name)
+    for channel in scan.channels.values():
+        robot, _, leaf = channel.topic.removeprefix("/robots/").rpartition("/")
+        schema = scan.schemas.get(channel.schema_id)
+        for topic in TOPICS:
+            if schema and (leaf, schema.name, schema.data.decode(errors="replace")) == (
+                *(topic.leaf, topic.schema_name),
+                topic.schema_text,
+            ):
+                robots.add(robot)
+    if len(robots) != 1:
+        return {}
+    if side is None:
+        raise LogError(
+            f"{scan.path}: its metadata `log` are missing, so it is not known whose log it is. "
+            "Name the file robot.mcap or controller.mcap"
+        )
+    scan.doubts.append("its metadata `log` are missing, as of a log that another tool has filtered")
+    facts = {"format": FORMAT, "wire_version": str(WIRE_VERSION), "part": side[2] or "0"}
+    return {**facts, "robot": robots.pop(), "side": side[1]}
+
+
+def _rank(channel: int, data: bytes, order: tuple[int, ...]) -> int:
+    """The place of a message among those with its log time."""
+    kind = next((kind for kind, ours in KIND_CHANNELS.items() if ours == channel), 0)
+    if channel == CHANNELS["inputs"]:
+        try:
+            kind = unpack_input(data)[0].kind
+        except ValueError:
+            kind = 0
+    return order.index(kind) if kind in order else len(order)
 
 
 def _lost_at_begin(first: Path, facts: dict[str, str], newest: dict[str, str]) -> str | None:
@@ -386,25 +468,46 @@ def _lost_at_end(scan: McapScan) -> str | None:
     return None
 
 
-def _of_one_layout(schema: Schema, stamps: Stamps, messages: DiskRows) -> tuple[Stamps, Rows]:
-    """Those of equally long messages whose arrays are as long as in most of them.
+def _longest(schema: Schema, layouts: dict[int, dict[str, int]]) -> dict[str, int]:
+    """The longest length of each array."""
+    return {name: max((e[name] for e in layouts.values()), default=0) for name in schema.arrays}
 
-    Of more than `MOST_LAYOUTS` different ones the first count.
-    """
-    raw = messages.raw.reshape(len(stamps), -1)
-    left = np.ones(len(stamps), bool)
-    best, dtype = np.zeros(len(stamps), bool), schema.dtype({})
-    for _ in range(MOST_LAYOUTS):
-        if left.sum() <= best.sum():
-            break
-        lengths = schema.lengths_in(raw[int(np.argmax(left))].tobytes())
-        alike = left.copy()
-        for name, at in schema.offsets(lengths)[0].items():
-            word = np.frombuffer(lengths[name].to_bytes(4, "little"), np.uint8)
-            start = len(CDR_HEADER) + at
-            alike &= (raw[:, start : start + 4] == word).all(axis=1)
-        if alike.sum() > best.sum():
-            best, dtype = alike, schema.dtype(lengths)
-        left &= ~alike
-    rows = messages.table(dtype)
-    return (stamps, rows) if best.all() else (stamps[best], rows[best])
+
+def _layouts(schema: Schema, rows: DiskRows) -> tuple[dict[int, dict[str, int]], Stamps]:
+    """The different lengths of arrays, and which of them each message has, (N,); -1 for none."""
+    sizes, raw = rows.sizes, rows.raw
+    begins, which = np.cumsum(sizes) - sizes, np.full(len(rows), -1)
+    if len(raw) and (sizes == sizes[0]).all():
+        same = _layout_of_all(schema, rows)
+        if same is not None:
+            return {0: same}, np.zeros_like(which)
+    known: dict[tuple[int, ...], int] = {}
+    for part in parts(len(rows) if len(raw) else 0):
+        begin, size = begins[part], sizes[part]
+        at = np.full(len(begin), len(CDR_HEADER) + schema.scalar_struct.size)
+        counts, fits = np.zeros((len(begin), len(schema.arrays)), np.int64), begin >= 0
+        for column in range(len(schema.arrays)):
+            fits &= at + 4 <= size
+            words = np.where(fits, begin + at, 0)[:, None] + np.arange(4)
+            count = raw[np.minimum(words, len(raw) - 1)].view("<u4")[:, 0].astype(np.int64)
+            fits &= count <= MAX_ELEMENTS
+            counts[:, column] = count = np.where(fits, count, 0)
+            at += 4 + np.where(count > 0, -(at - len(CDR_HEADER) + 4) % 8 + 8 * count, 0)
+        fits &= at == size
+        different, place = np.unique(counts[fits], axis=0, return_inverse=True)
+        numbers = [known.setdefault(tuple(each), len(known)) for each in different.tolist()]
+        which[part][fits] = np.array(numbers, np.int64)[place.ravel()]
+    layouts = {n: dict(zip(schema.arrays, each, strict=True)) for each, n in known.items()}
+    return layouts, which
+
+
+def _layout_of_all(schema: Schema, rows: DiskRows) -> dict[str, int] | None:
+    """The lengths of the arrays of messages of one size; None where they differ."""
+    table = rows.raw.reshape(len(rows), -1)
+    try:
+        lengths = schema.lengths_in(table[0].tobytes())
+    except WireError:
+        return None
+    places = [len(CDR_HEADER) + at for at in schema.offsets(lengths)[0].values()]
+    same = all((table[:, at : at + 4] == table[0, at : at + 4]).all() for at in places)
+    return lengths if same else None

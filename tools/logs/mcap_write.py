@@ -145,9 +145,7 @@ class McapFile:
         offsets: dict[int, int] = {}
         for channel, found in entries.items():
             offsets[channel] = start + self._pending.count
-            size = found.nbytes
-            head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
-            self._pending.write(head + found.tobytes())
+            self._pending.write(pack_index(channel, found))
         total = self._pending.count
         self.flush()
         for channel, found in entries.items():
@@ -236,6 +234,13 @@ class McapFile:
         builder.write(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start))
         summary = builder.end()
         builder.write(summary + struct.pack("<I", zlib.crc32(summary)) + MAGIC)
+
+
+def pack_index(channel: int, entries: npt.NDArray[np.uint64]) -> bytes:
+    """The message index of a channel in a chunk, of log times and offsets (m, 2)."""
+    size = entries.nbytes
+    head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
+    return head + entries.tobytes()
 
 
 def _index(chunk: bytearray, offsets: list[int]) -> npt.NDArray[np.uint64]:

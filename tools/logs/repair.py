@@ -6,19 +6,22 @@ The result stands beside the original, as `<name>.repaired.mcap`, and the origin
 from __future__ import annotations
 
 import shlex
+import struct
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
 from mcap.records import Attachment, Metadata
 
 from hoap3.protocol import __version__
-from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.tools.logs.file_lock import is_locked
-from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import CHANNELS, TOPICS, pack_gap
 from hoap3.tools.logs.log_writer import topics
-from hoap3.tools.logs.mcap_scan import Damage, McapScan
+from hoap3.tools.logs.mcap_scan import Damage, McapScan, described
 from hoap3.tools.logs.mcap_write import McapFile
 
 REPAIRED = ".repaired.mcap"
@@ -38,6 +41,9 @@ class RepairReport:
         dropped_bytes: what could not be read at its end.
         damaged: what could not be read before that, in words, or "".
         already: an earlier repair has made `out`; it was left alone.
+        rebuilt: what was damaged but is known from other parts of the file, in words, or "".
+        doubts: what was damaged outside its chunks and could not be repaired, in words, or "".
+        others: messages on topics that are not ours, which were left out.
     """
 
     path: Path
@@ -48,6 +54,9 @@ class RepairReport:
     dropped_bytes: int
     damaged: str = ""
     already: bool = False
+    rebuilt: str = ""
+    doubts: str = ""
+    others: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """All of it."""
@@ -59,7 +68,9 @@ class RepairReport:
         if self.already:
             return f"{self.path}: already repaired, as {self.out}; {self._by_name}"
         until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
-        inside = f"; {self.damaged}" if self.damaged else ""
+        inside = f"; rebuilt: {self.rebuilt}" if self.rebuilt else ""
+        inside += f"; {self.damaged}" if self.damaged else ""
+        inside += f"; {self.others} messages on other topics were left out" if self.others else ""
         return (
             f"{self.out}: {self.messages} messages saved{until}{inside}; "
             f"{self.dropped_bytes} bytes at the end could not be read; {self._by_name}"
@@ -102,19 +113,28 @@ def repair(path: Path) -> RepairReport:
 
     Raises:
         LogError: not a log of ours, or nothing of it can be read.
+        Hoap3Error: nothing can be read of it, since it is damaged.
         UsageError: the result exists already, or cannot be written, or the log is being written.
     """
     if path.is_dir():
         raise LogError(f"{path}: is a folder. Name the file to mend")
-    return _left_alone(path) or _mended(path)
+    try:
+        return _left_alone(path) or _mended(path)
+    except LogError as error:
+        doubts = "; ".join(McapScan.of(path).doubts)
+        if not doubts:
+            raise
+        raise Hoap3Error(f"{path}: {doubts}, and nothing can be saved: {error}") from error
 
 
 def _mended(path: Path) -> RepairReport:
     """Write what can be read of a log that is not whole."""
     if is_locked(path, unknown=False):  # else none could be mended where locks are not known
         raise UsageError(f"{path}: is being written. Repair it once that has ended")
-    log, scan = Log.open(path), McapScan.of(path)
-    messages, last = 0, None
+    log = Log.open(path)
+    (scan,) = log.scans
+    rebuilt = "; ".join([*scan.rebuilt, *_index_flaws(scan)])
+    messages, others, last = 0, 0, None
     target = path.with_suffix(REPAIRED)
     file = McapFile(target, scan.profile, f"hoap3 {__version__}")
     dropped = scan.size - scan.end
@@ -128,7 +148,8 @@ def _mended(path: Path) -> RepairReport:
                 continue
             for channel, sequence, log_time, publish_time, data in part:
                 if not 1 <= channel <= len(TOPICS):
-                    continue  # none of ours
+                    others += 1
+                    continue
                 file.message(channel, sequence, log_time, publish_time, data)
                 messages, last = messages + 1, max(last or 0, log_time)
             file.cut()
@@ -141,7 +162,12 @@ def _mended(path: Path) -> RepairReport:
     except BaseException:  # a half of it would stand in the way of the next try
         target.unlink(missing_ok=True)
         raise
-    return RepairReport(path, target, False, messages, last, dropped, log.damages)
+    return RepairReport(
+        *(path, target, False, messages, last, dropped, log.damages),
+        rebuilt=rebuilt,
+        doubts="; ".join(scan.doubts),
+        others=others,
+    )
 
 
 def _left_alone(path: Path) -> RepairReport | None:
@@ -150,9 +176,8 @@ def _left_alone(path: Path) -> RepairReport | None:
     Raises:
         LogError: not a log of ours.
     """
-    Log.open(path)
-    scan = McapScan.of(path)
-    if not scan.whole or scan.damages:
+    (scan,) = Log.open(path).scans
+    if not scan.whole or scan.damages or scan.doubts or scan.rebuilt or _index_flaws(scan):
         return None
     messages, last = 0, None
     for message in scan.messages():
@@ -166,7 +191,8 @@ def _repaired_before(path: Path) -> RepairReport | None:
     if not out.is_file():
         return None
     try:
-        log, scan = Log.open(out), McapScan.of(out)
+        log = Log.open(out)
+        (scan,) = log.scans
     except LogError:
         return None
     facts = scan.metadata.get("repair")
@@ -183,7 +209,27 @@ def _repaired_before(path: Path) -> RepairReport | None:
         dropped_bytes=_number(dropped),
         damaged=log.damages,
         already=True,
+        doubts=facts.get("doubts", ""),
     )
+
+
+def _index_flaws(scan: McapScan) -> list[str]:
+    """What is wrong with the indexes of a file, which other readers need and ours does not."""
+    if not scan.whole:
+        return []
+    with scan.path.open("rb") as stream:
+        if scan.damages or scan.doubts or scan.rebuilt:
+            return []  # it is written anew in any case
+        flaws = [] if scan.moved else described(scan.patches(stream))
+        stream.seek(0)
+        try:
+            reader = make_reader(stream, validate_crcs=True)
+            found = sum(1 for _ in reader.iter_messages(log_time_order=False))
+        except (*NEVER_OURS, McapError, RuntimeError, EOFError, struct.error) as error:
+            return [*flaws, f"its index ({type(error).__name__})"]
+    if found != scan.counts[0]:
+        flaws.append(f"its index, which has {found} of {scan.counts[0]} messages")
+    return flaws
 
 
 def _number(text: str) -> int:
@@ -194,6 +240,7 @@ def _number(text: str) -> int:
 def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
     """Everything that stands before the messages, and what was lost behind them."""
     facts = {"dropped_bytes": str(dropped), "problem": scan.problem, "damaged": log.damages}
+    facts["doubts"] = "; ".join(scan.doubts)
     for name, group in {**scan.metadata, "repair": facts}.items():
         if name != "end" or scan.whole:
             file.add(Metadata(name, group))
@@ -202,9 +249,7 @@ def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
     for name, data in scan.attachments.items():
         file.add(Attachment(created, logged, name, "application/octet-stream", data))
     known = topics(log.robot)  # instead of what is damaged
-    for schema in ({place: schema for place, (schema, _) in known.items()} | scan.schemas).values():
-        file.add(schema)
-    for channel in (
-        {place: channel for place, (_, channel) in known.items()} | scan.channels
-    ).values():
-        file.add(channel)
+    for place, each in enumerate((scan.schemas, scan.channels)):
+        ours = {number: pair[place] for number, pair in known.items()}
+        for record in (ours | ({} if scan.ids else each)).values():
+            file.add(record)

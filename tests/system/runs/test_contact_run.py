@@ -33,7 +33,7 @@ def test_logs_and_exports_carry_the_wrench(tmp_path: Path):
         np.testing.assert_array_equal(found["state.wrench"], states["wrench"])
     export(tmp_path / "run", tmp_path / "run.csv")
     lines = (tmp_path / "run.csv").read_text(encoding="utf-8").splitlines()
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    rows = list(csv.DictReader(lines))
     shown = [[float(row[f"wrench.{number}"]) for number in range(6)] for row in rows]
     np.testing.assert_array_equal(shown, states["wrench"])
 

@@ -15,6 +15,7 @@ from support.log_samples import MS, START, describe, fill, inputs, ticks, write
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State, schema
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.export import export
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.logs.log_format import pack_input, unpack_input
 from hoap3.tools.logs.log_writer import LogWriter
@@ -99,7 +100,7 @@ def test_any_payload_comes_back(
     assert list(Log.open(folder).records()) == records
 
 
-def test_setpoints_of_another_shape_do_not_spoil_the_arrays(tmp_path: Path) -> None:
+def test_setpoints_of_all_shapes_are_in_the_table(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     strange = [fill(Setpoint(*shape), rng, tick=1) for shape in ((3, 3), (4, 2), (9, 0))]
     assert len(strange[0]) == len(strange[1]) != len(strange[2])  # equally long, split otherwise
@@ -109,9 +110,35 @@ def test_setpoints_of_another_shape_do_not_spoil_the_arrays(tmp_path: Path) -> N
     write(tmp_path, records)
     log = Log.open(tmp_path)
     assert list(log.records()) == records
-    assert log.setpoints().dtype == schema("Setpoint").dtype({"values": 3, "extra": 3})
-    assert log.setpoints()["tick"].tolist() == list(range(10))
-    assert len(log.stamps(Kind.SETPOINT)) == 10
+    stamps, rows = log.table(Kind.SETPOINT)
+    assert rows.dtype == schema("Setpoint").dtype({"values": 9, "extra": 3})
+    sent = [record for record in records if record.kind == Kind.SETPOINT]
+    assert stamps.tolist() == [record.stamp for record in sent]
+    for row, record in zip(rows, sent, strict=True):
+        message = Setpoint.like(record.payload)
+        message.load(record.payload)
+        for name in message.schema.scalars:
+            assert row[name] == getattr(message, name)
+        for name in message.schema.arrays:
+            given = getattr(message, name)
+            assert row[name][: len(given)].tobytes() == given.tobytes()
+            assert np.isnan(row[name][len(given) :]).all()
+    assert log.unreadable[Kind.SETPOINT] == 0
+
+
+def test_a_table_is_not_much_larger_than_its_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stranger's setpoint that is 100 times as long does not make every row as long."""
+    rng = np.random.default_rng(1)
+    monkeypatch.setattr("hoap3.tools.logs.log.SLACK_BYTES", 0)
+    long = fill(Setpoint(128, 1024, gains=1024, next=1024), rng, tick=1)
+    write(tmp_path, [*ticks(1, 300), Record(Kind.SETPOINT, START + 999 * MS, long)])
+    log = Log.open(tmp_path)
+    assert len(log.setpoints()) == 300
+    assert log.unreadable[Kind.SETPOINT] == 1
+    written = export(tmp_path, tmp_path / "a.csv")
+    assert (written.left_out["unreadable setpoints"], written.complete) == (1, False)
 
 
 def test_a_new_description_takes_the_place_of_the_old_one(tmp_path: Path) -> None:
