@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import resource
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -14,6 +16,7 @@ from pathlib import Path
 from .cases import Case, all_cases
 from .difference import Difference
 from .ledger import LEDGER, Entry, read_ledger
+from .logs import make_logs
 from .outputs import compare_folders, run_case
 from .revision import HERE, Revision, checked_out, interpreter_for, runtime_directory
 
@@ -22,6 +25,7 @@ SHOWN = 20  # groups of differences of a case
 
 def main() -> int:
     """Exit code: 0 if every difference is intended, 1 otherwise."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # remove the worktree
     given = arguments()
     ledger = read_ledger(LEDGER.read_text(encoding="utf-8"))
     cases = [
@@ -35,9 +39,12 @@ def main() -> int:
         work = Path(given.keep or scratch).resolve()
         started = time.monotonic()
         try:
+            make_logs(cases, old, work / "logs")
             with ThreadPoolExecutor(given.jobs) as pool:
                 results = pool.map(lambda case: compare_case(case, old, new, work), cases)
-                found = [show(case, result, ledger) for case, result in zip(cases, results)]
+                found = [
+                    show(case, result, ledger) for case, result in zip(cases, results, strict=True)
+                ]
         finally:
             shutil.rmtree(runtime_directory(), ignore_errors=True)
     return summarise(found, ledger, len(cases), time.monotonic() - started)
@@ -92,8 +99,10 @@ def summarise(
     for entry in ledger:
         if entry not in used:
             print(f"unused ledger line {entry.line}: {entry.case} | {entry.field} | {entry.change}")
+    used_cpu = resource.getrusage(resource.RUSAGE_CHILDREN)
     print(
-        f"{count} cases in {seconds:.0f} s: {count - different} equal, {different} different; "
+        f"{count} cases in {seconds:.0f} s ({used_cpu.ru_utime + used_cpu.ru_stime:.0f} s of CPU): "
+        f"{count - different} equal, {different} different; "
         f"{sum(map(len, found)) - unexpected} differences intended, {unexpected} unexpected"
     )
     return 1 if unexpected else 0

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ from .cases import Case, Step
 from .difference import Difference
 from .json_tree import compare_json
 from .messages import compare_logs
+from .realtime import end, free_port
 from .revision import Revision
+from .tables import compare_arrays, compare_csv
 
 PATIENCE_S = 900.0
 IGNORED = (
@@ -23,16 +26,17 @@ IGNORED = (
     ("*:*.times_real_time", "elapsed time"),
     ("*:*payload_sha256.*", "hash of messages that are compared themselves"),
 )
-"""Values that differ from run to run; a key that is added or removed is a difference all the same."""
+"""Values that differ from run to run. A key that is added or removed is a difference."""
 
 
 def run_case(case: Case, revision: Revision, folder: Path, logs: Path) -> None:
     """Run the commands of a case in an empty folder."""
     folder.mkdir(parents=True)
     background: list[subprocess.Popen[str]] = []
+    ports = free_port(), free_port()
     try:
         for step in case.steps:
-            words = [word.replace("{logs}", str(logs)) for word in step.words]
+            words = [filled(word, logs, ports) for word in step.words]
             errors = (folder / f"{step.output}.stderr").open("w")
             with errors:
                 process = revision.start(words, folder, stdout=subprocess.PIPE, stderr=errors)
@@ -47,8 +51,16 @@ def run_case(case: Case, revision: Revision, folder: Path, logs: Path) -> None:
             write_output(step, process.returncode, text, folder)
     finally:
         for process in background:
-            process.terminate()
-            process.communicate()
+            process.send_signal(signal.SIGINT)
+            end(process)
+
+
+def filled(word: str, logs: Path, ports: tuple[int, int]) -> str:
+    """A word of a command with what is known only now."""
+    names = {"{logs}": logs, "{port0}": ports[0], "{port1}": ports[1]}
+    for name, value in names.items():
+        word = word.replace(name, str(value))
+    return word
 
 
 def write_output(step: Step, code: int, text: str, folder: Path) -> None:
@@ -63,31 +75,41 @@ def write_output(step: Step, code: int, text: str, folder: Path) -> None:
 
 def compare_folders(case: Case, old: tuple[Path, Path], new: tuple[Path, Path]) -> list[Difference]:
     """All differences of a case that are not ignored; each side is its folder and its tree."""
-    found = []
-    for difference in _compare_files(old, new):
-        value = difference.kind == "changed"
-        if not (
-            value and any(fnmatchcase(difference.field, g) for g, _ in (*IGNORED, *case.ignored))
-        ):
-            found.append(difference)
-    return found
+    return [each for each in _compare_files(old, new) if not is_ignored(each, case)]
+
+
+def is_ignored(difference: Difference, case: Case) -> bool:
+    """Whether a field differs from run to run."""
+    globs = [glob for glob, _ in case.ignored]
+    if difference.kind == "changed":
+        globs += [glob for glob, _ in IGNORED]
+    return any(fnmatchcase(difference.field, glob) for glob in globs)
 
 
 def _compare_files(old: tuple[Path, Path], new: tuple[Path, Path]) -> Iterator[Difference]:
-    names = {
-        str(path.relative_to(side[0])): None
-        for side in (old, new)
-        for path in sorted(side[0].rglob("*"))
-        if path.suffix in {".json", ".mcap"}
-    }
-    for name in names:
+    paths = [path for folder, _ in (old, new) for path in sorted(folder.rglob("*"))]
+    names = [
+        str(path.relative_to(old[0] if path.is_relative_to(old[0]) else new[0]))
+        for path in paths
+        if path.suffix in {".json", *COMPARED}
+    ]
+    for name in dict.fromkeys(names):
         one, other = old[0] / name, new[0] / name
         if not one.exists() or not other.exists():
             yield Difference(f"{name}:file", "removed" if one.exists() else "added")
-        elif name.endswith(".mcap"):
-            yield from compare_logs(one, other, f"{name}:")
-        else:
+        elif name.endswith(".json"):
             yield from compare_json(read_json(one, *old), read_json(other, *new), f"{name}:")
+        else:
+            yield from COMPARED[one.suffix](one, other, f"{name}:")
+
+
+COMPARED: dict[str, Callable[[Path, Path, str], Iterator[Difference]]] = {
+    ".mcap": compare_logs,
+    ".npz": compare_arrays,
+    ".npy": compare_arrays,
+    ".csv": compare_csv,
+}
+"""By suffix: what compares two files. Pages and pictures are not compared."""
 
 
 def read_json(path: Path, folder: Path, tree: Path) -> Any:

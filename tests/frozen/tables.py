@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .difference import Difference
-from .json_tree import is_number
+from .json_tree import compare_json, is_number
 
 Table = Mapping[str, Mapping[str, Any]]
 """By key of a row, such as ``tick 12``: the value of each column."""
@@ -32,6 +34,46 @@ def compare_tables(old: Table, new: Table, path: str) -> Iterator[Difference]:
             yield Difference(path + name, "removed", old="column")
         else:
             yield from _compare_column(old, new, common, name, path + name)
+
+
+def compare_arrays(old: Path, new: Path, path: str) -> Iterator[Difference]:
+    """Yield the differences of two `.npy` or `.npz` files."""
+    if old.read_bytes() != new.read_bytes():
+        yield from compare_tables(read_arrays(old), read_arrays(new), path)
+
+
+def read_arrays(path: Path) -> Table:
+    """One row with all arrays of a file; a structured array gives one row for each element."""
+    content = np.load(path)
+    if not isinstance(content, np.ndarray):
+        return {"arrays": {name: content[name] for name in content.files}}
+    names = content.dtype.names
+    return {f"row {i}": {n: np.array(row[n]) for n in names} for i, row in enumerate(content)}
+
+
+def compare_csv(old: Path, new: Path, path: str) -> Iterator[Difference]:
+    """Yield the differences of two CSV files; lines before the header begin with `#`."""
+    if old.read_bytes() != new.read_bytes():
+        before, after = read_csv(old), read_csv(new)
+        yield from compare_json(before[0], after[0], f"{path}comments")
+        yield from compare_tables(before[1], after[1], path)
+
+
+def read_csv(path: Path) -> tuple[list[str], Table]:
+    """Lines of comments, and one row for each line below the header."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    comments = [line for line in lines if line.startswith("#")]
+    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+    table = {f"row {i}": {k: number_of(v) for k, v in row.items()} for i, row in enumerate(rows)}
+    return comments, table
+
+
+def number_of(text: str) -> float | str:
+    """A cell as a number where it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _compare_column(
