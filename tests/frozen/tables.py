@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,19 +80,21 @@ def number_of(text: str) -> float | str:
 def _compare_column(
     old: Table, new: Table, keys: list[str], name: str, path: str
 ) -> Iterator[Difference]:
-    worst: tuple[float, Any, Any, str, bool] | None = None
-    count = 0
+    worst, count = None, 0
     for key in keys:
         one, other = old[key].get(name), new[key].get(name)
-        if same(one, other):
-            continue
-        count += 1
-        size, a, b, numeric = largest(one, other)
-        if worst is None or size > worst[0]:
-            worst = size, a, b, key, numeric
+        if not same(one, other):
+            count += 1
+            found = difference_of(one, other, path, key)
+            if worst is None or rank(found) > rank(worst):
+                worst = found
     if worst is not None:
-        size, a, b, key, numeric = worst
-        yield Difference(path, "changed", a, b, size if numeric else None, key, count)
+        yield replace(worst, count=count)
+
+
+def rank(difference: Difference) -> float:
+    """What is not a number differs more than any number."""
+    return np.inf if difference.size is None else difference.size
 
 
 def same(one: Any, other: Any) -> bool:
@@ -102,19 +105,23 @@ def same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and bool(one == other)
 
 
-def largest(one: Any, other: Any) -> tuple[float, Any, Any, bool]:
-    """Largest absolute difference of two values, both numbers there, and whether it is one.
-
-    What cannot be subtracted differs by infinity.
-    """
+def difference_of(one: Any, other: Any, path: str, key: str) -> Difference:
+    """The difference of two values; of arrays that of the elements that differ most."""
     if is_number(one) and is_number(other):
         one, other = np.asarray(one), np.asarray(other)
     arrays = isinstance(one, np.ndarray) and isinstance(other, np.ndarray)
-    if not arrays or one.shape != other.shape or "U" in {one.dtype.kind, other.dtype.kind}:
-        return np.inf, one, other, False
-    a, b = one.astype(float).ravel(), other.astype(float).ravel()
+    if (
+        not arrays
+        or one.shape != other.shape
+        or not {one.dtype.kind, other.dtype.kind} <= set("biuf")
+    ):
+        return Difference(path, "changed", one, other, where=key)
+    a, b = one.astype(float), other.astype(float)
+    equal = (a == b) | (np.isnan(a) & np.isnan(b))
     with np.errstate(invalid="ignore"):
-        sizes = np.abs(a - b)
-    sizes[np.isnan(sizes)] = np.where(np.isnan(a) & np.isnan(b), 0.0, np.inf)[np.isnan(sizes)]
-    place = int(np.argmax(sizes))
-    return float(sizes[place]), one.ravel()[place].item(), other.ravel()[place].item(), True
+        sizes = np.where(equal, 0.0, np.nan_to_num(np.abs(a - b), nan=np.inf, posinf=np.inf))
+    place = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
+    where = f"{key} {[int(each) for each in place]}" if place else key
+    return Difference(
+        path, "changed", one[place].item(), other[place].item(), float(sizes[place]), where
+    )
