@@ -30,6 +30,7 @@ from hoap3.remote_controller.registry import registered
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.motion_files import reopened
 from hoap3.tools.machine.software import differences, in_words
+from hoap3.tools.verify.both_sides import enclosed_alike
 
 SAID_SETPOINTS = 500  # after so many the progress is told
 
@@ -44,8 +45,10 @@ class ReplayReport:
         first_difference: tick of the first that was not, or None.
         field: what differed there.
         gap: tick beyond which nothing can be verified, or None.
+        skipped: logged setpoints that could not be compared: of no session, or beyond the gap.
         tolerance: largest difference of a value that counts as equal.
         missing: what the log has lost, so that it cannot be compared, or "".
+        contradictions: what the logs of both sides say differently of the run.
         software: versions that are not those of the log, by name: the log's, and the present one.
     """
 
@@ -54,9 +57,16 @@ class ReplayReport:
     first_difference: int | None = None
     field: str = ""
     gap: int | None = None
+    skipped: int = 0
     tolerance: float = 0.0
     missing: str = ""
+    contradictions: list[str] = made(default_factory=list)
     software: dict[str, list[str]] = made(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        """Whether all was compared and equal, and the logs agree about the run."""
+        return self.identical and not (self.skipped or self.contradictions)
 
     @property
     def identical(self) -> bool:
@@ -80,6 +90,10 @@ class ReplayReport:
             text += f"; the log is not whole: {self.missing}"
         if self.gap is not None:
             text += f"; not verifiable beyond tick {self.gap}: records are missing there"
+        if self.contradictions:
+            text += f"; the logs contradict each other: {', '.join(self.contradictions)}"
+        if self.skipped:
+            text += f"; {self.skipped} setpoints were not compared"
         return text
 
 
@@ -115,6 +129,9 @@ def replay(
             note(in_words(others))
         raise
     report.missing, report.software = log.missing, others
+    if path.is_dir():
+        logs = [log, *([Log.open(path, "robot")] if any(path.glob("robot*.mcap")) else [])]
+        report.contradictions = [name for name, same in enclosed_alike(logs).items() if not same]
     return report
 
 
@@ -166,7 +183,9 @@ def replay_records(
     loop: ControllerLoop | None = None
     lockstep, answer, tick = False, None, 0
     comparison: _Comparison | None = None
+    records, sent = iter(records), 0
     for record in records:
+        sent += record.kind == Kind.SETPOINT
         if record.kind == Kind.DESCRIPTION:
             description = RobotDescription.from_json(record.payload)
         elif record.kind == Kind.SESSION and description is not None:
@@ -198,6 +217,8 @@ def replay_records(
                 report.same += 1
             elif report.first_difference is None:
                 report.first_difference, report.field = tick, differs
+    sent += sum(record.kind == Kind.SETPOINT for record in records)
+    report.skipped = sent - report.setpoints
     return report
 
 

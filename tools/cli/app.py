@@ -357,7 +357,7 @@ def replay(
         print_json(report.as_json())
     else:
         print_line(str(report))
-    raise typer.Exit(0 if report.identical else 1)
+    raise typer.Exit(0 if report.passed else 1)
 
 
 @app.command()

@@ -159,6 +159,7 @@ def analyse_log(path: Path) -> dict[str, Any]:
         "warm_up_ticks": 0,
         "virtual_time": table.lockstep,
         "missing": log.missing,
+        "left_out": table.left_out,
         "final_error": None,
         "machine": machine,
         "transport": "as the log was recorded",

@@ -81,19 +81,20 @@ def export(path: Path, to: Path, side: str = "robot", say: Say = lambda _: None)
         UsageError: another ending, or `to` cannot be written.
         NotInstalledError: the package for Parquet is missing.
     """
-    tables = {".csv": export_csv, ".parquet": export_parquet}
-    if to.suffix not in {*tables, ".npz"}:
+    writers = {".csv": export_csv, ".parquet": export_parquet, ".npz": export_npz}
+    if to.suffix not in writers:
         raise UsageError(f"{to}: cannot tell the format. End the name in .csv, .parquet or .npz")
     if to.suffix == ".parquet":
         check_parquet()
     say("reading the log")
     log = Log.open(path, side if path.is_dir() else None)
-    files = [to, to.with_suffix(".json")] if to.suffix in tables else [to]
+    arrays = to.suffix == ".npz"
+    files = [to] if arrays else [to, to.with_suffix(".json")]
     replaced = tuple(str(file) for file in files if file.is_file())
-    count = tables.get(to.suffix, export_npz)(log, to, say)
-    held, left_out = _counts(log, events=to.suffix == ".npz")
+    count = writers[to.suffix](log, to, say)
+    held, left_out = _counts(log, Kind.STATE, Kind.SETPOINT, *([Kind.EVENT] if arrays else []))
     complete = not (log.truncated or log.damages or any(log.unreadable.values()))
-    unit = "rows" if to.suffix in tables else "arrays"
+    unit = "arrays" if arrays else "rows"
     return ExportReport(to, count, unit, held, left_out, log.missing, complete, replaced)
 
 
@@ -187,7 +188,7 @@ def _export(log: Log, out: Path, write: Callable[[Path, tuple[_Table, _Table]], 
     names = _joint_names(log)
     left = _Table("", state_stamps, states, names, [], first)
     right = _Table("setpoint.", stamps, setpoints, names, log.names("extra"), answers)
-    held, left_out = _counts(log, events=False)
+    held, left_out = _counts(log, Kind.STATE, Kind.SETPOINT)
     about = {
         "robot": log.robot,
         "side": log.side,
@@ -301,16 +302,17 @@ def _numbered(keys: Array, most: int) -> Array:
     return keys + nth * most
 
 
-def _counts(log: Log, *, events: bool) -> tuple[dict[str, int], dict[str, int]]:
-    """How many messages of each kind an export holds, and how many it does not."""
+def _counts(log: Log, *tables: Kind) -> tuple[dict[str, int], dict[str, int]]:
+    """How many messages of each kind these tables hold, and how many others there are."""
     kinds = Counter(record.kind for record in log.records())
-    names = {Kind.STATE: "states", Kind.SETPOINT: "setpoints", Kind.EVENT: "events"}
-    unread = {kind: log.unreadable.get(kind, 0) for kind in names}
-    held = {name: kinds.pop(kind, 0) - unread[kind] for kind, name in names.items()}
-    left = {f"unreadable {name}": unread[kind] for kind, name in names.items()}
-    if not events:
-        left["events"] = held.pop("events")
-    left["targets"] = kinds.pop(Kind.TARGET, 0)
+    held, left = {}, {}
+    for kind in (Kind.STATE, Kind.SETPOINT, Kind.EVENT, Kind.TARGET):
+        name, count = f"{kind.name.lower()}s", kinds.pop(kind, 0)
+        if kind in tables:
+            held[name] = log.held[kind]
+            left[f"unreadable {name}"] = count - held[name]
+        else:
+            left[name] = count
     left["damaged places"] = kinds.pop(Kind.GAP, 0)
     left |= {"inputs": kinds.total(), "messages on other topics": log.others}
     return held, {name: count for name, count in left.items() if count}

@@ -46,6 +46,7 @@ class IndexedLog:
         side: whose log it is.
         begin, end: log times of the oldest and of the newest message [ns].
         chunks: how many there are.
+        unread: what could not be read so far: (chunk, place in it), None for all of a chunk.
 
     Raises:
         LogError: nothing there, not ours, or without any message.
@@ -69,7 +70,7 @@ class IndexedLog:
         for _, _, (start, _) in self._places:  # rising, whatever a file claims
             newest = max(newest, start)
             self._firsts.append(newest)
-        self.chunks = len(self._places)
+        self.chunks, self.unread = len(self._places), set[tuple[int, int | None]]()
         self._kept: OrderedDict[int, list[Record]] = OrderedDict()
 
     @cached_property
@@ -145,9 +146,10 @@ class IndexedLog:
         try:
             messages = scan.chunk(place)
         except (LogError, OSError):  # also a file that went, as of a log that rotates
+            self.unread.add((chunk, None))
             return []
         found = []
-        for channel, _, stamp, _, payload in messages:
+        for number, (channel, _, stamp, _, payload) in enumerate(messages):
             kind = _KINDS.get(channel)
             try:
                 if kind is not None:
@@ -156,7 +158,7 @@ class IndexedLog:
                 elif channel == CHANNELS["inputs"]:
                     found.append(unpack_input(payload)[0])
             except (ValueError, WireError):
-                continue  # of a version that is not known: it cannot be shown
+                self.unread.add((chunk, number))  # of a version that is not known
         return found
 
     def _attached(self, name: str) -> bytes:

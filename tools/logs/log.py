@@ -90,7 +90,7 @@ class Log:
         from_begin: the first file that was written is there.
         damages: what cannot be read inside it, in words, "" for nothing.
         missing: what is lost, in words, "" for nothing.
-        unreadable: messages of each kind that the last `table` had to leave out.
+        held, unreadable: messages of each kind that `table` last gave, and had to leave out.
         others: how many messages lie on topics that are not ours.
     """
 
@@ -114,6 +114,7 @@ class Log:
         told = (*_told(damages, self._begin), *doubts, *repaired)
         self.damages = "; ".join(filter(None, told))
         self.missing = "; ".join(filter(None, (before, self.damages, lost)))
+        self.held: dict[Kind, int] = {}
         self.unreadable: dict[Kind, int] = {}
         foreign = [scan for scan in self.scans if 0 in scan.ids.values()]
         self.others = sum(message[0] == 0 for scan in foreign for message in scan.messages())
@@ -234,7 +235,8 @@ class Log:
             del layouts[max(layouts, key=lambda each: schema.dtype(layouts[each]).itemsize)]
             longest = _longest(schema, layouts)
         readable = np.isin(which, list(layouts))
-        self.unreadable[kind] = int(np.count_nonzero(~readable))
+        self.held[kind] = int(np.count_nonzero(readable))
+        self.unreadable[kind] = len(rows) - self.held[kind]
         if len(rows) and not layouts:
             raise LogError(
                 f"{self.paths[0]}: none of its {len(rows)} messages of kind {kind.name} can be "

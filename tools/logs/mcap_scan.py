@@ -299,8 +299,8 @@ class McapScan:
             self.rebuilt += described(patches)
         else:
             self.doubts.append(
-                "its header, its metadata, a file that it encloses, or the record that ends its data "
-                "section is damaged"
+                "its header, its metadata, a file that it encloses, or the record that ends its "
+                "data section is damaged"
             )
 
     def patches(self, stream: IO[bytes]) -> dict[int, tuple[bytes, str]]:

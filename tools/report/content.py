@@ -155,6 +155,7 @@ class Content:
             "robot": self.robot,
             "controller": self.controller,
             "duration_s": self.duration_s,
+            "answers": self.motion.answers if self.motion else None,
             "transport": self.transport,
             "lockstep": self.sources.lockstep,
             "interventions": self.sources.interventions,
@@ -241,6 +242,9 @@ def _timing(sources: Sources, gaps: list[str]) -> Timing | None:
     except LogError as error:
         gaps.append(f"Deadlines cannot be judged: {error}.")
         return None
+    if timing is not None and timing.table.left_out:
+        left = ", ".join(f"{n} {what}" for what, n in timing.table.left_out.items())
+        gaps.append(f"Deadlines are those of the last session, without {left}.")
     if timing is not None and timing.table.safe_stops:
         gaps.append(
             "The robot was brought to a safe stop, after which nothing asks for an answer: that "

@@ -62,6 +62,8 @@ class Motion:
         gaps: what cannot be shown, and why.
         description: of the robot.
         states: how many there are.
+        answers: Setpoints in the log: those shown here, and those left out; of those shown, with
+            and without a certificate's status.
         moments: those that are shown in space.
     """
 
@@ -89,6 +91,7 @@ class Motion:
     gaps: list[str] = field(default_factory=list)
     description: RobotDescription | None = None
     states: int = 0
+    answers: dict[str, int] = field(default_factory=dict)
     moments: list[Moment] = field(default_factory=list)
 
     @property
@@ -123,7 +126,8 @@ def read_motion(sources: Sources) -> Motion | None:
         LogError: the log has no valid description, or Pinocchio cannot build the robot.
     """
     for log in sources.logs:
-        states, setpoints, gaps = _one_session(RowsAt.of(log.states()), RowsAt.of(log.setpoints()))
+        sent = RowsAt.of(log.setpoints())
+        states, setpoints, gaps = _one_session(RowsAt.of(log.states()), sent)
         active = states[states["mode"] == State.ACTIVE]
         if len(active):
             break
@@ -143,13 +147,23 @@ def read_motion(sources: Sources) -> Motion | None:
     point, frame, target = _goal(settings.get("controller"), parameters, description)
     positions = np.asarray(active[::every]["q"], float)
     path = point_path(positions, description, point, frame)
-    rows, answers = _answered(active, setpoints)
+    rows, answers = _answered(active, setpoints, description.n)
+    if len(rows) < len(sent):
+        gaps.append(
+            f"{len(sent) - len(rows)} of {len(sent)} Setpoints are not in the motion: they are of "
+            "another session or length, or answer no State that asked, or one that has an answer."
+        )
     if not len(rows):
         gaps.append("Nobody answered: V, Ψ and the control inputs are not known.")
     inputs, unit = control_inputs(rows, answers, description, parameters)
     proved = answers["solver_status"] != STATUS["none"]
     if len(rows) and not proved.any():
         gaps.append("This controller gives no certificates: V and Ψ are not known.")
+    elif not proved.all():
+        gaps.append(
+            f"{np.count_nonzero(~proved)} of {len(rows)} answers are of a controller that gives no "
+            "certificates: V and Ψ are not known there."
+        )
     speeds = inputs if unit == UNITS[Setpoint.POSITION] else np.asarray(rows["dq"], float)
     joints_active = np.where(
         proved, answers["active_joints"], (np.abs(speeds) >= 1e-3).sum(axis=1)
@@ -195,6 +209,13 @@ def read_motion(sources: Sources) -> Motion | None:
         gaps=gaps,
         description=description,
         states=len(active),
+        answers={
+            "setpoints": len(sent),
+            "shown": len(rows),
+            "left_out": len(sent) - len(rows),
+            "with_status": int(np.count_nonzero(proved)),
+            "without_status": int(np.count_nonzero(~proved)),
+        },
         moments=moments(active, answered, description),
     )
 
@@ -223,8 +244,12 @@ def _one_session(states: RowsAt, setpoints: RowsAt) -> tuple[RowsAt, RowsAt, lis
     return ours[0], ours[1], [gap]
 
 
-def _answered(states: Any, setpoints: Any) -> tuple[Any, Any]:
-    """The States that have an answer, in order of ticks, and beside each its first answer."""
+def _answered(states: Any, setpoints: Any, n: int) -> tuple[Any, Any]:
+    """The States that have an answer, in order of ticks, and beside each its first answer.
+
+    Setpoints with more than n values answer another robot.
+    """
+    setpoints = setpoints[np.isnan(setpoints["values"][:, n:]).all(1)]
     ticks, first = np.unique(setpoints["tick"], return_index=True)
     _, of_states, of_ticks = np.intersect1d(states["tick"], ticks, return_indices=True)
     return states[of_states], setpoints[first[of_ticks]]
@@ -336,7 +361,7 @@ def control_inputs(
     states: Any, answers: Any, description: RobotDescription, parameters: dict[str, Any]
 ) -> tuple[FloatArray, str]:
     """u, (k, n), and its unit: of a position its rate, from where the controller integrates."""
-    values = np.asarray(answers["values"], float)
+    values = np.asarray(answers["values"], float)[:, : description.n]
     if values.shape[1] != description.n:
         return np.zeros((len(values), description.n)), UNITS[0]
     command = int(answers["command"][0]) if len(answers) else Setpoint.POSITION

@@ -64,6 +64,16 @@ class Sources:
             if side not in logs and not any(path.glob(f"{side}*.mcap"))
         ]
         said = {log.side: _inputs(log) for log in found}
+        gaps += [
+            f"{len(each['not JSON'])} records of the log of the {side} cannot be read."
+            for side, each in said.items()
+            if each["not JSON"]
+        ]
+        gaps += [
+            f"{log.others} messages of the log of the {log.side} are on topics that are not ours."
+            for log in found
+            if log.others
+        ]
         dropped = sum(gap["dropped"] for each in said.values() for gap in each["gap"])
         if dropped:
             gaps.append(f"{dropped} records came faster than they were written, and are not there.")
@@ -202,12 +212,13 @@ def _logs(path: Path) -> tuple[list[Log], dict[str, str]]:
 def _inputs(log: Log) -> dict[str, list[dict[str, Any]]]:
     """What the JSON records of a log say, by kind."""
     kinds = {Kind.SESSION: "session", Kind.SUMMARY: "summary", Kind.GAP: "gap"}
-    said: dict[str, list[dict[str, Any]]] = {name: [] for name in kinds.values()}
+    said: dict[str, list[dict[str, Any]]] = {name: [] for name in (*kinds.values(), "not JSON")}
     for record in log.records():
         if record.kind in kinds:
             try:
                 content = json.loads(record.payload)
             except (ValueError, RecursionError):
+                said["not JSON"].append({})
                 continue
             if isinstance(content, dict):
                 said[kinds[record.kind]].append({**content, STAMP: record.stamp})

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 from array import array
+from collections import Counter
 from dataclasses import dataclass
+from dataclasses import field as made
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +51,7 @@ class RobotSide:
         messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`, as it counted.
         safe_stops: how often misses, or a holder that vanished, made it stop.
         misses_to_stop: misses in a row that stop it, by its config; None where that is not known.
+        left_out: States of other sessions, and messages that are too short, by what they are.
     """
 
     period: int
@@ -63,6 +66,7 @@ class RobotSide:
     messages: dict[str, int]
     safe_stops: int
     misses_to_stop: int | None = None
+    left_out: dict[str, int] = made(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path | str) -> RobotSide:
@@ -83,7 +87,9 @@ class RobotSide:
         states = RowsAt.of(told.rows(Kind.STATE))
         if not len(states):
             raise LogError(f"{log.paths[0]}: holds no State. Name the log of a run")
+        count = len(states)
         states = states[states["session_id"] == states["session_id"][-1]]
+        left_out = {"States of other sessions": count - len(states), **told.short}
         states = states[np.argsort(states["tick"], kind="stable")]
         return cls(
             period=round(description.period_s * 1e9),
@@ -98,6 +104,7 @@ class RobotSide:
             messages={name: int(states[-1][name] - states[0][name]) for name in _COUNTED},
             safe_stops=_safe_stops(told.rows(Kind.EVENT)),
             misses_to_stop=_misses_to_stop(log),
+            left_out={what: count for what, count in left_out.items() if count},
         )
 
 
@@ -272,12 +279,14 @@ class _Told:
         sizes = {kind: dtype.itemsize for kind, dtype in self._types.items()}
         data = {kind: DiskRows() for kind in _KEPT}
         stamps: dict[Kind, array[int]] = {kind: array("q") for kind in _KEPT}
-        self.lockstep = False
+        self.lockstep, self.short = False, Counter[str]()
         for kind, stamp, payload in log.records():
             if kind in data:
                 if len(payload) >= sizes[kind]:
                     data[kind].add(payload[: sizes[kind]])
                     stamps[kind].append(stamp)
+                else:
+                    self.short[f"messages of kind {kind.name} that are too short"] += 1
             elif kind == Kind.SESSION:
                 self.lockstep = bool(json.loads(payload).get("lockstep"))
         self._data = data

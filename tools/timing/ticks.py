@@ -84,6 +84,7 @@ class TickTable:
     lockstep: bool
     messages: dict[str, int]
     safe_stops: int
+    left_out: dict[str, int]
     misses_to_stop: int | None = None
 
     @classmethod
@@ -152,6 +153,7 @@ class TickTable:
             messages=robot.messages,
             safe_stops=robot.safe_stops,
             misses_to_stop=robot.misses_to_stop,
+            left_out=robot.left_out,
         )
 
     def after(self, warm_up: int) -> TickTable:

@@ -5,14 +5,17 @@ Where one side is of version 1 of the wire, they can agree only in what that ver
 
 from __future__ import annotations
 
+import json
 import struct
+from collections.abc import Iterable
 from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import WireError
+from hoap3.protocol.errors import ConfigError, DescriptionError, LogError, WireError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.wire_versions import OLDEST, downgraded
@@ -41,6 +44,68 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         claims.equal("description in both logs", 0, float(ours_said == theirs_said), 1.0)
     else:
         claims.unverified("description in both logs", 1, UNSHARED)
+
+
+def check_enclosed(logs: Iterable[Log], claims: Claims) -> None:
+    """What logs enclose is what their records say, and what the other side says of it."""
+    for name, same in enclosed_alike(logs).items():
+        claims.equal(name, 0, float(same), 1.0)
+
+
+def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
+    """Whether descriptions and configs agree with the records of these logs, by what was compared.
+
+    Args:
+        logs: of one run, one a side.
+    """
+    alike, found = {}, {log.side: (log, _told(log)) for log in logs}
+    for side, (log, told) in found.items():
+        enclosed = log.attachments.get("description.json", b"")
+        described = told[Kind.DESCRIPTION][-1:]
+        if described:
+            same = described == [enclosed] and _urdf(enclosed) == log.attachments.get("robot.urdf")
+            alike[f"description of the {side}"] = same
+        others = [told for other, (_, told) in found.items() if other != side]
+        configs = [body for told in others for body in told[Kind.CONFIG]]
+        if configs:
+            alike[f"config of the {side}"] = _config(log) in [_settings(each) for each in configs]
+        for theirs in others:
+            if described and theirs[Kind.DESCRIPTION] and _sessions(told) & _sessions(theirs):
+                known = theirs[Kind.DESCRIPTION]
+                if not any(each.wire_version == OLDEST for each, _ in found.values()):
+                    alike["description of both"] = described[0] in known
+    return alike
+
+
+def _told(log: Log) -> dict[Kind, list[bytes]]:
+    """The records that say what a log encloses."""
+    found: dict[Kind, list[bytes]] = {Kind.DESCRIPTION: [], Kind.CONFIG: [], Kind.SESSION: []}
+    for record in log.records():
+        if record.kind in found:
+            found[record.kind].append(record.payload)
+    return found
+
+
+def _sessions(told: dict[Kind, list[bytes]]) -> set[int]:
+    return {json.loads(body)["session_id"] for body in told[Kind.SESSION]}
+
+
+def _settings(body: bytes) -> object:
+    return json.loads(json.loads(body)["config"])
+
+
+def _config(log: Log) -> object:
+    try:
+        return parse_yaml(log.config, "config.yaml")
+    except (ConfigError, LogError):
+        return None
+
+
+def _urdf(description: bytes) -> bytes | None:
+    try:
+        return RobotDescription.from_json(description).urdf.encode()
+    except DescriptionError:
+        return None
 
 
 def _said(description: RobotDescription, *, old: bool) -> str:

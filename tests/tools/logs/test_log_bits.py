@@ -116,8 +116,7 @@ def test_what_is_redundant_is_restored(tmp_path: Path, folder: Path, kind: str) 
 @pytest.mark.parametrize("kind", ["METADATA", "ATTACHMENT", "HEADER"])
 def test_what_is_not_redundant_is_named(tmp_path: Path, folder: Path, kind: str) -> None:
     content, places = sample(folder)
-    begin, end = places[kind][0]
-    path = flipped(tmp_path / "robot.mcap", content, 8 * (end - 8))
+    path = flipped(tmp_path / "robot.mcap", content, 8 * (places[kind][0][1] - 8))
     named = {"ATTACHMENT": "the enclosed config.yaml is damaged"}.get(
         kind, "its header, its metadata"
     )

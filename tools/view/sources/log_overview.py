@@ -10,8 +10,7 @@ import heapq
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,6 +52,7 @@ class Overview:
         self._curves: dict[str, np.ndarray[Any, Any]] = {}
         self._events: list[dict[str, Any]] = []
         self._worst: list[tuple[float, float, str]] = []  # a heap: µs, time, what
+        self._left_out = Counter[str]()
         self._missed = -1
         self._misses: list[tuple[float, str]] = []
         self._lock, self._closing = threading.Lock(), threading.Event()
@@ -105,8 +105,11 @@ class Overview:
         for chunk in range(self._log.chunks):
             began = time.monotonic()
             records = self._log.records(chunk, keep=False)
-            with self._lock, suppress(*NEVER_OURS):  # of such a chunk there is nothing to show
-                self._take(records)
+            with self._lock:
+                try:
+                    self._take(records)
+                except NEVER_OURS:  # of such a chunk there is nothing to show
+                    self._log.unread.add((chunk, None))
             now = time.monotonic()
             if now > due:
                 pause *= 2.0  # a page that takes none shall not pile them up
@@ -117,6 +120,8 @@ class Overview:
             while (left_s := self._waits_s - time.monotonic()) > 0.0:
                 if self._closing.wait(left_s):
                     return
+        with self._lock:
+            self._note_left_out()
         self.done = True
         self.version += 1
 
@@ -124,8 +129,7 @@ class Overview:
         for record in records:
             if record.kind == Kind.EVENT:
                 self._event(record)
-        states, stamps = _rows(records, Kind.STATE)
-        if len(states):
+        for states, stamps in self._rows(records, Kind.STATE):
             speeds = np.abs(states["dq"])
             curves = {
                 "misses": (states["late"] + states["lost"]).astype(float),
@@ -136,8 +140,7 @@ class Overview:
             }
             self._add(curves, stamps)
             self._note_misses(stamps, states)
-        answers, stamps = _rows(records, Kind.SETPOINT)
-        if len(answers):
+        for answers, stamps in self._rows(records, Kind.SETPOINT):
             self._take_answers(answers, stamps)
 
     def _take_answers(self, answers: Any, stamps: Any) -> None:
@@ -197,13 +200,45 @@ class Overview:
                 self._misses.append((at, label))
         self._missed = int(missed[-1])
 
+    def _note_left_out(self) -> None:
+        """Add an event at the end that counts what is not shown."""
+        chunks = sum(place is None for _, place in self._log.unread)
+        messages = self._left_out["messages"] + len(self._log.unread) - chunks
+        counts = {"damaged chunks": chunks, "unreadable messages": messages}
+        counts["more events"] = self._left_out["events"]
+        said = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+        if said:
+            at_s = round((self._log.end - self._zero) / 1e9, 6)
+            label = f"not shown of this log: {said}"
+            self._events.append({"at_s": at_s, "label": label, "severity": "warning"})
+
+    def _rows(self, records: Sequence[Record], kind: Kind) -> Iterator[tuple[Any, Any]]:
+        """All messages of a kind in a chunk, each layout by itself, and their log times [ns]."""
+        schema: Any = State.schema if kind == Kind.STATE else Setpoint.schema
+        found: dict[tuple[int, ...], list[Record]] = {}
+        for record in records:
+            if record.kind == kind:
+                try:
+                    lengths = tuple(schema.lengths_in(record.payload).values())
+                except WireError:
+                    self._left_out["messages"] += 1
+                else:
+                    found.setdefault(lengths, []).append(record)
+        for lengths, alike in found.items():
+            dtype = schema.dtype(dict(zip(schema.arrays, lengths, strict=True)))
+            rows = np.frombuffer(b"".join(record.payload for record in alike), dtype)
+            yield rows, np.array([record.stamp for record in alike], np.int64)
+
     def _event(self, record: Record) -> None:
         event = Event()
         try:
             event.load(record.payload)
         except WireError:
+            self._left_out["messages"] += 1
             return
-        if len(self._events) < EVENTS:
+        if len(self._events) >= EVENTS:
+            self._left_out["events"] += 1
+        else:
             name = event_name(event.kind, event.detail)
             words = in_words(event.kind, event.detail, self._log.description.joint_names)
             self._events.append(
@@ -218,19 +253,3 @@ class Overview:
 def _short(value: float) -> float:
     """To six digits, however small it is."""
     return float(f"{value:.6g}")
-
-
-def _rows(records: Sequence[Record], kind: Kind) -> tuple[Any, Any]:
-    """All messages of a kind in a chunk, of the most frequent size, and their log times [ns]."""
-    schema: Any = State.schema if kind == Kind.STATE else Setpoint.schema
-    sizes = Counter(len(record.payload) for record in records if record.kind == kind)
-    if not sizes:
-        return np.empty(0), np.empty(0)
-    size = sizes.most_common(1)[0][0]
-    found = [each for each in records if each.kind == kind and len(each.payload) == size]
-    try:
-        dtype = schema.dtype(schema.lengths_in(found[0].payload))
-    except WireError:
-        return np.empty(0), np.empty(0)
-    rows = np.frombuffer(b"".join(record.payload for record in found), dtype)
-    return rows, np.array([record.stamp for record in found], np.int64)
