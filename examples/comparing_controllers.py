@@ -82,7 +82,7 @@ def main() -> None:
         print("  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)))
     for finding in made.findings:
         print("!", finding)
-    print("least effort of those that are good:", best(made).get("label", "none"))
+    print("least effort of those that pass:", best(made).get("label", "none"))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.robot_bench import Bench
+from support.robot_bench import PERIOD_NS, Bench
 
 from hoap3.protocol.messages import State
 from hoap3.robot_emulator.loop import REQUESTS_PER_TICK
@@ -120,6 +120,23 @@ def test_the_status_says_why_the_robot_is_stopped(ask, who, reason):
     assert before[0]["stop_reason"] is None
     assert (stopped[0]["mode"], stopped[0]["stop_reason"]) == ("stopped", reason)
     assert after[0]["stop_reason"] is None
+
+
+def test_the_status_has_the_counts_that_verdicts_rest_on():
+    bench = Bench(misses_to_stop=30)
+    bench.link.ask("acquire", "alice")
+    bench.run(50)
+    bench.oversleep({60: 4 * PERIOD_NS})
+    bench.speed[:] = 1e3  # more than a joint can do
+    bench.run(50)
+    answer = bench.link.ask("status", "operator")
+    bench.run(1)
+    counts, summary = answer[0]["counts"], bench.robot.summary()
+    assert counts["interventions"] > 0
+    assert counts["held_back_joints"]["first"] in bench.description.joint_names
+    assert (counts["skipped"], counts["misses_to_stop"]) == (4, 30)
+    assert counts["asked"] == summary["asked"] - 1  # it was served before the tick was counted
+    assert counts.keys() <= summary.keys()
 
 
 def test_recover_is_refused_where_nothing_is_latched():

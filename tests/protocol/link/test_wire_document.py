@@ -244,7 +244,8 @@ def test_requests_are_answered_as_the_table_says():
     words |= {"state_arrays", "wrench", "setpoint_jerk_max"}
     named = set(re.findall(r"`(\w+)`", section("Asking").split("The description is")[1]))
     assert keys <= named <= keys | words
-    assert set(found[1]) == status
+    assert set(found[1]) == status | {"counts"}
+    assert all(f"`{name}`" in section("Asking") for name in found[1]["counts"])
     terms = {"deadline", "delay_ticks", "setpoint_arrays"}
     assert set(found[2]) == {"granted", "epoch", "from_tick"} | terms | status
     assert set(found[3]) == {"granted", "reason"} | status

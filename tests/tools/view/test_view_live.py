@@ -16,6 +16,10 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.messages import WIRE_VERSION, Event, State
+from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
+from hoap3.tools.services.run import _join
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 from hoap3.tools.view.sources import live
 from hoap3.tools.view.sources.live import Live
 
@@ -30,6 +34,8 @@ class Network:
     def __init__(self) -> None:
         self.description: RobotDescription = ROBOT
         self.session_id, self.extra, self.gamma = 7, "first", 0.5
+        self.counts: object = None
+        self.outcome: object = None
         self.silent: dict[str, int] = {}  # verbs, and how often they are not answered
         self.asked: list[str] = []
         self.opened = 0
@@ -46,10 +52,12 @@ class Network:
         if verb == "description":
             return self.description.to_json()
         if verb in {"status", "stop"}:
-            return json.dumps({**STATUS, "holder": "law", "session_id": self.session_id}).encode()
+            who = {"holder": "law", "session_id": self.session_id, "counts": self.counts}
+            return json.dumps({**STATUS, **who}).encode()
         if verb == "config":
             return b"{}"
         now = {"about": {"extra": [self.extra]}, "show": {"gamma": self.gamma}}
+        now["tasks"] = {"tasks": [], "operator": None, "outcome": self.outcome}
         return json.dumps({"error": None, "now": now.get(verb, {})}).encode()
 
     def ask_first(self, *given: Any) -> tuple[int, bytes | None]:
@@ -156,6 +164,49 @@ def test_a_robot_that_does_not_say_where_it_is_is_not_shown_and_told_once(
         assert source.frame() is None
     (label,) = labels(source)
     assert "number" in label
+
+
+def test_the_page_shows_the_verdicts_of_the_terminal(network: Network, source: Live) -> None:
+    recorded = MemoryRecorder()
+    sides = emulator_settings("hoap3", 0), controller_settings("pinv")
+    lockstep = Lockstep(*sides, recorded, NoRecorder())
+    lockstep.run(1.0)  # pinv knows no limits: the robot holds a joint back
+    statistics = RunStatistics(1_000_000, timing=False)
+    for record in recorded.records:
+        statistics.add(record)
+    terminal = statistics.summary()
+    _join(terminal, {"outcome": lockstep.controller_loop.summary})
+    network.counts = json.loads(json.dumps(lockstep.robot.summary()))
+    network.outcome = lockstep.controller_loop.summary
+    source.watched = True
+    asked = network.asked.count("status")
+    until(lambda: network.asked.count("status") > asked + 2)
+    state = State.allocate(**ROBOT.state_lengths)
+    state.session_id = 7
+    network.send(state)
+    frame = source.frame()
+    assert frame is not None
+    shown = {key: each["verdict"] for key, each in frame["verdicts"].items()}
+    assert shown == terminal["verdicts"]
+    assert shown["limits_and_balance"] == "fail"
+    words = {key: each["words"] for key, each in frame["verdicts"].items()}
+    assert words == {key: terminal[key]["text"] for key in words}
+
+
+@pytest.mark.parametrize("wrong", [None, "many", {"asked": "x"}, {"asked": 5, "in_time": None}])
+def test_a_robot_that_reports_nonsense_has_no_verdict(
+    wrong: object, network: Network, source: Live
+) -> None:
+    network.counts, network.outcome = wrong, {"tasks": "none"}
+    source.watched = True
+    asked = network.asked.count("status")
+    until(lambda: network.asked.count("status") > asked + 2)
+    state = State.allocate(**ROBOT.state_lengths)
+    state.session_id = 7
+    network.send(state)
+    frame = source.frame()
+    assert frame is not None
+    assert {each["verdict"] for each in frame["verdicts"].values()} == {"not judged"}
 
 
 def test_a_stop_goes_through_the_session_that_is_open(network: Network, source: Live) -> None:
