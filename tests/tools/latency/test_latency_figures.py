@@ -262,6 +262,19 @@ def test_what_would_have_stopped_the_robot_is_unfit(table, lost, verdict):
     assert tick_figures([table(story)], 21)["verdicts"]["deadlines"] == "warn"  # where it goes on
 
 
+@pytest.mark.parametrize("stalled", [False, True])
+def test_a_window_in_which_all_was_missed_fails_whoever_caused_it(table, stalled):
+    stalls = [((100 + k) * MS, MS // 2) for k in range(111)] if stalled else []
+    figures = tick_figures([table(Story(3000, vanished=set(range(100, 211)), stalls=stalls))], 1000)
+    assert figures["success_rate"]["run"] == pytest.approx(1.0 - 111 / 3000)
+    assert figures["success_rate"]["worst_window"] == 0.0
+    assert figures["verdicts"]["deadlines"] == "fail"
+    assert figures["deadlines"]["reasons"] == ["worst_window"]
+    assert ("the host stalled in 111 of 111" in figures["deadlines"]["cause"]) == stalled
+    if stalled:
+        assert figures["success_rate"]["outside_stalls"] == 1.0  # shown, and no excuse
+
+
 def test_after_the_warm_up_nothing_of_it_is_left(table):
     story = Story(400, vanished={5}, stalls=[(10 * MS, MS), (300 * MS, MS)], skipped={20})
     whole, warm = table(story), table(story).after(200)
