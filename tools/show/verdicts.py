@@ -107,7 +107,7 @@ def judge_reported(
         skipped: ticks skipped while the robot was active; None: as `counts` has them.
     """
     try:
-        timing = judge_counts(counts, skipped) if counts.get("asked") else None
+        timing = judge_counts(counts, skipped) if "asked" in counts else None
         found = [counts.get(name) for name in ("interventions", "torque_limited")]
         held, limited = (n if isinstance(n, int) else None for n in found)
         joints, body = counts.get("held_back_joints"), body_of(counts)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
-from hoap3.tools.show.verdicts import CERTIFIED_SHARE, failed, in_words, judge
+from hoap3.tools.show.verdicts import CERTIFIED_SHARE, failed, in_words, judge, judge_reported
 
 IN_TIME = unknown_deadlines("", "", "pass")
 ERROR = {
@@ -138,6 +138,13 @@ def test_the_joints_that_were_held_back_are_named():
     for part in ("knee", "12", "hip", "3 periods"):
         assert part in words
     assert judge(IN_TIME, 4, 0, told())["limits_and_balance"]["held_back_joints"] is None
+
+
+def test_a_safe_stop_without_any_answer_fails():
+    counts = {"asked": 0, "in_time": 0, "safe_stops": 1, "interventions": 0, "torque_limited": 0}
+    assert judge_reported(counts, None)["verdicts"]["deadlines"] == "fail"
+    nothing = judge_reported({**counts, "safe_stops": 0}, None)["verdicts"]
+    assert set(nothing.values()) == {"not judged"}
 
 
 def test_what_the_controller_should_have_told_is_bad_where_it_did_not():
