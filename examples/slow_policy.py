@@ -54,7 +54,7 @@ class Policy:
         return None if self._rng.random() < LOSS else tick + late
 
 
-def steer(robot: str, endpoint: str, centre: list[float], seconds: float) -> int:
+def steer(robot: str, endpoint: str | None, centre: list[float], seconds: float) -> int:
     """Steer a running robot; how many chunks were sent."""
     policy, thinking, sent = Policy(np.array(centre)), [], 0
     with hoap3.connect(robot, endpoint) as connection:
@@ -79,7 +79,7 @@ def steer(robot: str, endpoint: str, centre: list[float], seconds: float) -> int
 if __name__ == "__main__":
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     asked.add_argument("--robot", default="ur5")
-    asked.add_argument("--connect", default="tcp/127.0.0.1:7447")
+    asked.add_argument("--connect", help="endpoint; default: the robot on this machine")
     asked.add_argument("--centre", type=float, nargs=3, default=[-0.55, -0.11, 0.3])
     asked.add_argument("--seconds", type=float, default=20.0)
     given = asked.parse_args()

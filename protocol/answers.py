@@ -39,6 +39,7 @@ class Status(Answer):
         stop_reason: why it stops or is stopped, as `hoap3.protocol.stop_reasons` names it; None
             where it does neither, or does not tell, as older robots do not.
         counts: deadlines and limits so far, as the robot's summary has them; None: not told.
+        name_conflicts: how many other robots on its network use its name.
     """
 
     mode: Literal["idle", "active", "stopping", "stopped"]
@@ -48,6 +49,7 @@ class Status(Answer):
     lockstep: bool
     stop_reason: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = None
     counts: dict[str, Any] | None = None
+    name_conflicts: Uint64 = 0
 
 
 class Recovery(Status):

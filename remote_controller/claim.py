@@ -38,8 +38,8 @@ class Claim:
 
         While it comes to rest, it follows an earlier grant to the end: ours may be the next one.
         """
-        if not self.fits(session_id):
-            return replace(self, stale=True)
+        if not self.fits(session_id):  # the robot has started again, or another uses its name
+            return self.doubt(True)
         if epoch == self.epoch or not self.epoch:
             return self.doubt(False)
         return self.doubt(mode == State.ACTIVE or from_tick == 0)

@@ -316,6 +316,10 @@ class Service:
         Raises:
             WireError: an answer that cannot be used.
         """
+        conflict = "" if isinstance(link, Hoap3ControllerLink) else link.name_conflict()
+        if conflict:
+            self._tell_once("conflict", f"{conflict}. Waiting until one is left")
+            return False
         data = self._ask(link, "description")
         if data is None:
             return False
@@ -338,6 +342,7 @@ class Service:
         if self._outcome is None or status.session_id != self._session_id:
             self._outcome = Outcome(self._controller, description)
             self._session_id = status.session_id
+        link.session_id = status.session_id
         self._clock = VirtualClock() if status.lockstep else MonotonicClock()
         rehearse(self._controller, description)
         recorder = self._lockstep_recorder if status.lockstep else self._recorder
@@ -415,6 +420,10 @@ class Service:
                 continue
             if grant.granted:
                 return grant
+            if grant.reason == "name_taken":
+                text = f"robot {link.robot!r} grants no authority: another robot uses its name"
+                self._tell_once("conflict", text)
+                return None
             if grant.holder is None or grant.reason == "no_token":
                 unseen += 1
                 if unseen >= TOKEN_TRIES:

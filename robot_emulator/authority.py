@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from hoap3.protocol.messages import Event, State
 
-NO_TOKEN, HELD = "no_token", "held"
+NO_TOKEN, HELD, NAME_TAKEN = "no_token", "held", "name_taken"
 """Why authority is refused."""
 
 _REASONS = Event.schema.constants
@@ -70,7 +70,14 @@ class Authority:
         return max(self.grant.from_tick, least)
 
     def acquire(
-        self, who: str, *, present: bool, tick: int, from_tick: int, lease: int
+        self,
+        who: str,
+        *,
+        present: bool,
+        tick: int,
+        from_tick: int,
+        lease: int,
+        unique: bool = True,
     ) -> tuple[Authority, str]:
         """Grant authority from a tick on; the holder itself gets its own grant again.
 
@@ -80,13 +87,17 @@ class Authority:
             tick: now.
             from_tick: of a new grant.
             lease: ticks after which a holder is looked up.
+            unique: whether no other robot on the network uses the robot's name.
 
         Returns:
-            What comes next, and why it is refused: `NO_TOKEN`, `HELD` by somebody else, or "".
+            What comes next, and why it is refused: `NO_TOKEN`, `HELD` by somebody else,
+            `NAME_TAKEN` by another robot, or "".
         """
         grant = self.grant
         if not present and (grant is None or grant.holder == who):
             return self, NO_TOKEN
+        if grant is None and not unique:
+            return self, NAME_TAKEN
         if grant is None:
             epoch = self.granted + 1
             fresh = Grant(epoch, who, from_tick)

@@ -28,7 +28,7 @@ from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import STOP_REASONS
-from hoap3.robot_emulator.authority import ENDING, NO_TOKEN, Authority
+from hoap3.robot_emulator.authority import ENDING, NAME_TAKEN, NO_TOKEN, Authority
 from hoap3.robot_emulator.body_watch import BodyWatch
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.base import SetpointFilter
@@ -117,7 +117,7 @@ class RobotLoop:
         self._clipped = self._log_lost = False
         self._held = [0] * description.n  # periods, by the first joint held back in each
         self._held_first = (-1, -1)  # joint, tick
-        self._conflicts_told = self._conflict_due = 0
+        self._conflicts_told = self._conflict_due = self._name_conflicts = 0
         self._overloaded = -1
         self.safe_stops = self.skipped = self._skipped_active = 0
         self.validator = SetpointValidator(
@@ -284,6 +284,9 @@ class RobotLoop:
         for request in islice(self._link.requests(), self._requests_per_tick):
             self._serve(request)
         self._look_after_holder()
+        if self._link.name_conflicts != self._name_conflicts:
+            self._name_conflicts = self._link.name_conflicts
+            self._announce("NAME_CONFLICT", self._name_conflicts)
         for who, present in self._link.tokens():
             self._record_fact(Kind.TOKEN, TOKEN, {"who": who, "present": present})
         if self._event_limit.any_left_out or self._request_limit.any_left_out:
@@ -485,6 +488,7 @@ class RobotLoop:
             "tick": self.tick,
             "lockstep": isinstance(self._clock, VirtualClock),
             "stop_reason": STOP_REASONS.get(self._authority.stop_reason),
+            "name_conflicts": self._link.name_conflicts,
         }
 
     def _grant(self, request: Request) -> dict[str, object]:
@@ -495,11 +499,14 @@ class RobotLoop:
             tick=self.tick,
             from_tick=self._first_tick(),
             lease=self._lease_ticks,
+            unique=not self._link.name_conflicts,
         )
         grant = self._authority.grant
         if refusal == NO_TOKEN:
             self._link.look_again(request.who)
             return self._refusal(refusal, 0)
+        if refusal == NAME_TAKEN:
+            return self._refusal(refusal, -1)
         if refusal or grant is None:
             return self._refusal(refusal, grant.epoch if grant else 0)
         if before.grant is None:

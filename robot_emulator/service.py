@@ -12,7 +12,7 @@ from hoap3.protocol.config.endpoints import beyond_this_machine
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.link.base import RemoteRobotLink, RobotLink
-from hoap3.protocol.link.local_control import LocalControl
+from hoap3.protocol.link.local_control import LocalControl, local_robots
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
@@ -110,9 +110,10 @@ def build_loop(
     recorder: Recorder,
     *,
     lockstep: bool,
+    session_id: int | None = None,
 ) -> RobotLoop:
     """A robot that is ready to run, and the first records of its log."""
-    session_id = config.seed if lockstep else secrets.randbits(63)
+    session_id = config.seed if session_id is None else session_id
     session = {"side": "robot", "session_id": session_id, "lockstep": lockstep}
     recorder.record(Kind.DESCRIPTION, clock.now(), description.to_json())
     recorder.record(Kind.SESSION, clock.now(), json.dumps(session).encode())
@@ -156,9 +157,11 @@ def serve(
     measures = prepare_process(config.realtime)
     for note in (*follower_notes(description), *jerk_notes(description), *told(measures)):
         report(note)
-    clock = MonotonicClock()
-    with closing(_open_link(config, description, report)) as link:
-        loop = build_loop(config, description, clock, link, recorder, lockstep=False)
+    clock, session_id = MonotonicClock(), secrets.randbits(63)
+    with closing(_open_link(config, description, report, session_id)) as link:
+        loop = build_loop(
+            config, description, clock, link, recorder, lockstep=False, session_id=session_id
+        )
         loop.realtime = [str(measure) for measure in measures]
         for line in loop.plant.notes():
             report(line)
@@ -186,7 +189,7 @@ def serve_lockstep(
         report(note)
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)
-    inner = _open_link(config, description, report, blocking=True)
+    inner = _open_link(config, description, report, config.seed, blocking=True)
     link = RemoteLockstepLink(inner, clock, compute_time, should_stop, endless=ticks is None)
     with closing(link):
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
@@ -201,6 +204,7 @@ def _open_link(
     config: EmulatorConfig,
     description: RobotDescription,
     report: Callable[[str], None],
+    session_id: int,
     *,
     blocking: bool = False,
 ) -> RemoteRobotLink:
@@ -214,7 +218,9 @@ def _open_link(
         return Hoap3RobotLink(description, config.link.hoap3_tcp, report, blocking=blocking)
     from hoap3.protocol.link.zenoh_link import ZenohRobotLink
 
-    return ZenohRobotLink(description.name, config.link, blocking=blocking, report=report)
+    return ZenohRobotLink(
+        description.name, config.link, blocking=blocking, report=report, session_id=session_id
+    )
 
 
 @contextmanager
@@ -226,6 +232,13 @@ def _local_control(
     how: str = "",
 ) -> Iterator[None]:
     """Serve what `hoap3 stop` reaches on this machine even where the network does not answer."""
+    same = [str(one) for one in local_robots() if one.name == description.name]
+    if same:
+        report(
+            f"another robot of this user on this machine has the same name: {'; '.join(same)}. "
+            f"`hoap3 stop {description.name}` stops both, other commands need --connect. To tell "
+            "them apart, start this one with --set name=NAME"
+        )
     with closing(LocalControl(description.name, config.link.places)) as local:
         if local.path is None:
             report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")

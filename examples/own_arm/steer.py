@@ -51,7 +51,7 @@ def counted(robot: hoap3.Connection) -> int:
     return int(counts["taken"]) + sum(counts["refused"].values())
 
 
-def square(endpoint: str) -> list[np.ndarray]:
+def square(endpoint: str | None) -> list[np.ndarray]:
     """Go to each corner; the joints at each of them, and after a target that is refused."""
     with hoap3.connect("desk_arm", endpoint) as robot:
         (target,) = robot.acquire(timeout_s=60.0)  # the controller may still compile
@@ -66,7 +66,7 @@ def square(endpoint: str) -> list[np.ndarray]:
 
 if __name__ == "__main__":
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    asked.add_argument("--connect", default="tcp/127.0.0.1:7447")
+    asked.add_argument("--connect", help="endpoint; default: the robot on this machine")
     try:
         square(asked.parse_args().connect)
     except hoap3.Hoap3Error as error:

@@ -47,7 +47,13 @@ class Request:
 
 
 class RobotLink(Protocol):
-    """The robot's side."""
+    """The robot's side.
+
+    Attributes:
+        name_conflicts: how many other robots on the network use the robot's name.
+    """
+
+    name_conflicts: int
 
     def publish(self, state: bytes) -> None:
         """Send a State to whoever listens; never waits for them."""
@@ -115,6 +121,8 @@ class LockstepLink:
         compute_time: delay of every answer where no `fate` is given [ns].
         fate: see above.
     """
+
+    name_conflicts = 0
 
     def __init__(
         self,

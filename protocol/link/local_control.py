@@ -139,6 +139,13 @@ class LocalRobot:
     pid: int
     path: Path
 
+    def __str__(self) -> str:
+        try:
+            endpoints = self.ask("status").get("endpoints")
+        except LinkError:
+            endpoints = None
+        return f"{self.name} at {', '.join(endpoints or ['no endpoint'])} (process {self.pid})"
+
     def ask(self, verb: str) -> dict[str, Any]:
         """Ask it something.
 
@@ -188,9 +195,11 @@ def local_robots() -> list[LocalRobot]:
 
 
 def others_here(robot: str) -> str:
-    """Which other robots of this user run on this machine, in words; "" where there is none."""
-    names = sorted({one.name for one in local_robots()} - {robot})
-    return f"robots that run on this machine: {', '.join(names)}" if names else ""
+    """Which robots of this user run on this machine, one of that name with its endpoint; or ""."""
+    found = local_robots()
+    names = sorted({one.name for one in found} - {robot})
+    same = [str(one) for one in found if one.name == robot]
+    return f"robots that run on this machine: {', '.join([*names, *same])}" if found else ""
 
 
 def _connected(path: Path) -> socket.socket:

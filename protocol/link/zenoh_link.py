@@ -21,9 +21,10 @@ from queue import SimpleQueue
 from typing import Any
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.errors import NameTakenError
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
+from hoap3.protocol.link.name_claim import NameClaim
+from hoap3.protocol.link.robot_sessions import RobotSession, name_conflict
 from hoap3.protocol.link.sampling import Sampling
 from hoap3.protocol.link.zenoh_clients import (
     WAITING_STOPS,
@@ -41,9 +42,9 @@ from hoap3.protocol.link.zenoh_session import (
     ask_versions,
     event_publisher,
     fast_publisher,
-    is_alive,
     key,
     open_session,
+    robot_sessions,
     sampled_key,
     state_key,
     zenoh,
@@ -76,7 +77,8 @@ class ZenohRobotLink:
         robot: name of the robot.
         settings: how it is reached.
         blocking: wait for the network rather than drop a State; for lockstep only.
-        report: is told of the first client that speaks version 1.
+        report: takes the first client that speaks version 1, and other robots with the same name.
+        session_id: of the robot.
 
     Attributes:
         arrival: set when a Setpoint has arrived, for those who wait.
@@ -92,7 +94,9 @@ class ZenohRobotLink:
         *,
         blocking: bool = False,
         report: Callable[[str], None] = lambda _: None,
+        session_id: int = 0,
     ) -> None:
+        self._overflowed = 0
         self.arrival, self._blocking = threading.Event(), blocking
         self._report, self._old_listens, self._old_asks = report, False, False
         self._give_way = _way_to_sender()
@@ -102,11 +106,7 @@ class ZenohRobotLink:
         self._session = session = open_session(settings, robot, loops=True)
         self._guard = Guard(session, settings.secure, report) if settings.secure else None
         try:
-            if is_alive(session, robot):
-                raise NameTakenError(
-                    f"a robot called {robot!r} is alive already; stop it, or give this one "
-                    "another name"
-                )
+            self._name = NameClaim(session, robot, settings, session_id, report)
             self._state = fast_publisher(session, state_key(robot), blocking)
             self._old_state = fast_publisher(session, state_key(robot, OLDEST), blocking)
             self._old_state.declare_matching_listener(self._old_listens_now)
@@ -137,12 +137,19 @@ class ZenohRobotLink:
         self._receiver = threading.Thread(target=self._receive, name="receive", daemon=True)
         self._receiver.start()
 
+    @property
+    def name_conflicts(self) -> int:  # type: ignore[override]
+        """How many other robots on the network use the robot's name."""
+        return self._name.conflicts
+
     def publish(self, state: bytes) -> None:
         """Send a State.
 
         Those who only look on get theirs while the robot has nothing to do: once its answer has
         come, or with the next where none did.
         """
+        if self._name.conflicts and self._name.is_quiet(state):
+            return
         self._state.put(state)
         if self._old_listens and self._old_asks:
             self._old_state.put(downgraded(State, state))
@@ -216,10 +223,12 @@ class ZenohRobotLink:
     def counts(self) -> dict[str, int]:
         """Setpoints of others that it had no room for; with certificates, what was not let in.
 
+        `overflowed`, where it is above 0: setpoints dropped as the loop did not take them in time.
         What is lost on the way shows in the robot's own counts.
         """
         refused = {} if self._guard is None else self._guard.counts()
-        return {"crowded_out": self._crowded_out, **refused}
+        overflowed = {"overflowed": self._overflowed} if self._overflowed else {}
+        return {"crowded_out": self._crowded_out, **overflowed, **refused}
 
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
@@ -229,6 +238,7 @@ class ZenohRobotLink:
         self._clients.finish()
         if self._guard is not None:
             self._guard.close()
+        self._name.close()
         self._session.close()
         self._stop_answers.join()
         self._answers.join()
@@ -246,6 +256,7 @@ class ZenohRobotLink:
                     continue
                 if client_of(sample.key_expr) != self._holder and not self._has_room():
                     continue
+                self._overflowed += len(self._arrived) >= BACKLOG
                 arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
                 signal()
                 self._show()
@@ -304,12 +315,14 @@ class ZenohControllerLink:
         linked: whether there has been a connection to anybody. A session that has had none is as
             good as new.
         wire_version: that the robot speaks, as far as its answers tell.
+        session_id: of the robot that is followed, -1 before.
     """
 
     def __init__(
         self, robot: str, settings: LinkSettings, who: str, *, blocking: bool = False
     ) -> None:
-        self.robot, self.who = robot, who
+        self.robot, self.who, self.session_id = robot, who, -1
+        self._robots: frozenset[RobotSession] = frozenset()
         self.presence, self.departures = threading.Event(), 0
         self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
         self.linked, self.wire_version = False, WIRE_VERSION
@@ -335,6 +348,9 @@ class ZenohControllerLink:
             self._token = session.liveliness().declare_token(key(robot, f"clients/{who}"))
             self._others = session.liveliness().declare_subscriber(
                 key(robot, "clients/*"), zenoh.handlers.RingChannel(TARGETS)
+            )
+            self._sessions = session.liveliness().declare_subscriber(
+                key(robot, "session/*"), self._session_changed, history=True
             )
             self._presence = session.liveliness().declare_subscriber(
                 key(robot, "alive"), self._presence_changed, history=True
@@ -444,12 +460,33 @@ class ZenohControllerLink:
     def _link_changed(self, event: zenoh.LinkEvent) -> None:
         self.linked |= event.kind == zenoh.SampleKind.PUT
 
+    def name_conflict(self) -> str:
+        """Which robots use the name, where there are several; else ""."""
+        robots = [found for _, found in robot_sessions(self._session, self.robot)]
+        return name_conflict(self.robot, robots) if len(robots) > 1 else ""
+
+    def _session_changed(self, sample: zenoh.Sample) -> None:
+        found = RobotSession.read(sample.key_expr)
+        if found is None:
+            return
+        if sample.kind == zenoh.SampleKind.PUT:
+            self._robots |= {found}
+            return
+        self._robots -= {found}
+        if found.session_id == self.session_id or not self._robots:
+            self._depart()
+
     def _presence_changed(self, sample: zenoh.Sample) -> None:
+        """Where session tokens are seen, they say whether the robot is the one that has gone."""
         if sample.kind == zenoh.SampleKind.PUT:
             self.presence.set()
-        else:
-            self.departures += 1
-            self.presence.clear()
+            self.wake()
+        elif not self._robots:
+            self._depart()
+
+    def _depart(self) -> None:
+        self.departures += 1
+        self.presence.clear()
         self.wake()
 
 

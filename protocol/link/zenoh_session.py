@@ -22,7 +22,8 @@ os.environ.setdefault(
 import zenoh
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.errors import LinkError, PortInUseError
+from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
+from hoap3.protocol.link.robot_sessions import RobotSession, name_conflict
 from hoap3.protocol.link.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
 from hoap3.protocol.link.zenoh_sockets import forbid_lingering
 from hoap3.protocol.messages import WIRE_VERSION
@@ -32,9 +33,9 @@ from hoap3.protocol.secure.refusals import listens, why_refused
 from hoap3.protocol.wire_versions import OLDEST
 
 __all__ = [
-    "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_in", "ask_versions", "certified_peers",
-    "fast_publisher", "is_alive", "key", "open_session", "sampled_key", "session_name", "state_key",
-    "zenoh",
+    "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_all", "ask_in", "ask_versions",
+    "certified_peers", "check_unique", "fast_publisher", "is_alive", "key", "open_session",
+    "robot_sessions", "sampled_key", "session_name", "state_key", "zenoh",
 ]  # fmt: skip
 
 QUERY_TIMEOUT_S = 2.0
@@ -184,6 +185,20 @@ def ask(
     return ask_versions(session, robot, verb, who, body, QUERY_TIMEOUT_S, whom)[1]
 
 
+def ask_all(session: zenoh.Session, robot: str, verb: str, who: str, count: int) -> list[bytes]:
+    """Answers of all robots of one name; returns once there are `count` of them."""
+    at_once, found = zenoh.ConsolidationMode.NONE, list[bytes]()
+    target, everyone = key(robot, f"ask/{verb}/{who}"), zenoh.QueryTarget.ALL
+    for reply in session.get(
+        target, target=everyone, timeout=QUERY_TIMEOUT_S, consolidation=at_once
+    ):
+        if reply.ok is not None:
+            found.append(reply.ok.payload.to_bytes())
+            if len(found) >= count:
+                break
+    return found
+
+
 def ask_versions(
     session: zenoh.Session,
     robot: str,
@@ -246,6 +261,25 @@ def alive_robots(session: zenoh.Session) -> list[str]:
     names = {str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok}
     certified = certified_peers(session)
     return sorted(names & certified if certified else names)
+
+
+def robot_sessions(session: zenoh.Session, robot: str = "*") -> list[tuple[str, RobotSession]]:
+    """Names and sessions of the robots that hold a session token, sorted."""
+    replies = session.liveliness().get(key(robot, "session/*"), timeout=0.5)
+    tokens = {str(reply.ok.key_expr) for reply in replies if reply.ok}
+    read = ((token.split("/")[1], RobotSession.read(token)) for token in tokens)
+    return sorted((name, found) for name, found in read if found is not None)
+
+
+def check_unique(session: zenoh.Session, robot: str) -> None:
+    """Refuse to use a name that several robots have.
+
+    Raises:
+        NameTakenError: names the endpoint of each.
+    """
+    sessions = [found for _, found in robot_sessions(session, robot)]
+    if len(sessions) > 1:
+        raise NameTakenError(name_conflict(robot, sessions))
 
 
 def is_alive(session: zenoh.Session, robot: str, leaf: str = "alive") -> bool:

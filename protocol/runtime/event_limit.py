@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 LIMITED = (
     *("REFUSED", "GRANTED", "RELEASED", "HOLDER_LOST", "RECOVERED"),
-    *("CLIPPED", "TORQUE_LIMITED"),
+    *("CLIPPED", "TORQUE_LIMITED", "NAME_CONFLICT"),
 )
 """Kinds that requests and setpoints cause. Safe stops are not: each takes at least 20 ticks."""
 

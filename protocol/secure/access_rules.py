@@ -77,9 +77,9 @@ def _rules(robot: str, name: str, role: Role) -> Iterator[Rule]:
     into = ["ingress"]
     readable = [f"{root}/{leaf}" for leaf in READABLE]
     yield _rule(name, "read", into, ["declare_subscriber"], readable)
-    tokens = [f"{root}/{leaf}" for leaf in ("alive", "speaks/2", "clients/*")]
+    tokens = [f"{root}/{leaf}" for leaf in ("alive", "speaks/2", "session/*", "clients/*")]
     looks = ["declare_liveliness_subscriber", "liveliness_query"]
-    yield _rule(name, "look", into, looks, ["robots/*/alive", *tokens])
+    yield _rule(name, "look", into, looks, ["robots/*/alive", "robots/*/session/*", *tokens])
     yield _rule(name, "be", into, ["liveliness_token"], [f"{root}/clients/{mine}"])
     verbs = [f"ask/{verb}" for verb in (*READS, *rights.ask)]
     verbs += [f"control/{verb}" for verb in (*READS_CONTROLLER, *rights.control)]

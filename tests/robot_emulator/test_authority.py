@@ -275,3 +275,30 @@ def test_after_a_recovery_nothing_is_remembered_of_the_motion_before(policy):
     state = bench.run(50)
     assert state.mode == State.ACTIVE
     np.testing.assert_array_equal(state.reference, stopped.reference)
+
+
+def test_while_another_robot_uses_the_name_nothing_new_is_granted_and_nothing_stops():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(50)
+    bench.link.name_conflicts = 1
+    own = bench.link.ask("acquire", "alice")
+    other = bench.link.ask("acquire", "bob")
+    status = bench.link.ask("status", "bob")
+    assert bench.run(50).mode == State.ACTIVE
+    assert (own[0]["granted"], own[0]["epoch"]) == (True, 1)
+    assert (other[0]["granted"], other[0]["reason"]) == (False, "held")
+    assert status[0]["name_conflicts"] == 1
+    bench.link.ask("release", "alice")
+    assert bench.run(100).mode == State.IDLE
+    refused = bench.link.ask("acquire", "bob")
+    assert bench.run(5).mode == State.IDLE
+    assert (refused[0]["granted"], refused[0]["reason"]) == (False, "name_taken")
+    bench.link.name_conflicts = 0
+    granted = bench.link.ask("acquire", "bob")
+    assert bench.run(5).mode == State.ACTIVE
+    assert (granted[0]["granted"], granted[0]["epoch"]) == (True, 2)
+    conflicts = [detail for name, _, detail in bench.events() if name == "NAME_CONFLICT"]
+    assert conflicts == [1, 0]
+    assert [detail for name, _, detail in bench.events() if name == "REFUSED"] == [1, -1]

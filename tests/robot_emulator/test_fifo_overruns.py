@@ -36,6 +36,8 @@ class PausingClient:
         pauses: ticks, counted from the first one that asks.
     """
 
+    name_conflicts = 0
+
     def __init__(self, inner: Hoap3RobotLink, clock: VirtualClock, pauses: set[int]) -> None:
         self._inner, self._clock, self._pauses = inner, clock, pauses
         self._landed: list[Arrival] = []

@@ -108,6 +108,7 @@ class _Robot:
         who = network.session_name(settings, f"bridge-{os.getpid()}-{secrets.token_hex(3)}")
         self._session = network.open_session(settings, name)
         try:
+            network.check_unique(self._session, name)
             version, raw = network.ask_versions(self._session, name, "description", who)
             if raw is None:
                 raise LinkError(

@@ -226,17 +226,23 @@ def list_all(
     as_json: AsJson = False,
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""
-    from hoap3.tools.cli.find_robot import live_robots
+    from hoap3.tools.services.find_robot import live_robots
     from hoap3.tools.services.settings import named
 
     found, silent = named(), ""
+    sessions: list[dict[str, Any]] = []
     if live:
-        found["alive"], silent = live_robots(reached(connect, secure))
-    if as_json:
+        sessions, silent = live_robots(reached(connect, secure))
+        found["alive"] = list(dict.fromkeys(each["robot"] for each in sessions))
+    if live and as_json:
+        print_json({**found, "sessions": sessions})
+    elif as_json:
         print_json(found)
     else:
         for kind, names in found.items():
             print_line(f"{kind}: {', '.join(names) or 'none'}")
+        for each in sessions:
+            print_line(f"  {each['robot']}: {_place(each)}")
     if silent:
         print_note(f"robots of the network are not listed: {silent}")
     if silent and (connect is not None or secure is not None):
@@ -290,7 +296,7 @@ def release(
     A controller that still runs asks for authority again at once, and the robot follows it: end the
     controller first, or use `hoap3 stop`, where the robot is to stay at rest.
     """
-    from hoap3.tools.cli.find_robot import release_robot
+    from hoap3.tools.services.find_robot import release_robot
 
     name, answer = release_robot(robot, reached(connect, secure))
     if as_json:
@@ -313,7 +319,7 @@ def record(
     as_json: AsJson = False,
 ) -> None:
     """Record a running robot from outside, or mend a log that was cut off."""
-    from hoap3.tools.cli.find_robot import reach_robot
+    from hoap3.tools.services.find_robot import reach_robot
     from hoap3.tools.services.record import record_robot
 
     if repair is not None:
@@ -496,38 +502,75 @@ def _mend(path: Path, as_json: bool) -> None:
 
 
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
-    from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
-    from hoap3.tools.cli.find_robot import ask_robot
+    from hoap3.tools.services.find_robot import ask_robots
 
-    name, answer = ask_robot(robot, verb, connect)
-    tasks = _tasks(name, answer, connect) if verb == "status" else None
+    answers, failures = ask_robots(robot, verb, connect)
+    several = len(answers) + len(failures) > 1
     if verb == "status":
-        answer = {**answer, "tasks": tasks}
-    failed = answer.get("recovered") is False
+        answers = [
+            {**answer, "tasks": None if several else _tasks(answer, connect)} for answer in answers
+        ]
     if as_json:
-        print_json({"robot": name, **answer})
-    elif not failed:
-        words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
-        if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
-            words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
-        print_line(words)
-        for task in tasks or ():
-            if task.get("reason"):
-                label = one_line(str(task.get("task", "")))
-                print_line(f"  task {label} has failed: {one_line(str(task['reason']))}")
+        print_json({"robots": answers} if several else answers[0])
+    else:
+        for answer in answers:
+            _show_answer(answer, connect, place=several or verb == "status")
+    name = answers[0]["robot"]
+    failed = answers[0].get("recovered") is False
     if failed:
-        to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")
+        mode = answers[0]["mode"]
+        to_people(f"error: {name} is {mode}: only a stopped robot can be recovered")
+    if several:
+        to_people(
+            f"{len(answers) + len(failures)} robots are called {name!r}. Start all but one under "
+            "other names: --set name=NAME"
+        )
+    for failure in failures:
+        to_people(f"error: {failure}")
+    if failed or failures:
         raise typer.Exit(1)
 
 
-def _tasks(name: str, answer: dict[str, Any], connect: str | None) -> list[dict[str, Any]] | None:
+def _show_answer(answer: dict[str, Any], connect: str | None, *, place: bool) -> None:
+    from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
+
+    if answer.get("recovered") is False:
+        return
+    name = answer["robot"]
+    words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
+    if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
+        words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
+    print_line(words)
+    if place:
+        print_line(f"  at {_place(answer)}")
+    if answer["name_conflicts"]:
+        print_line(f"  name conflict: other robots with its name: {answer['name_conflicts']}")
+    for task in answer.get("tasks") or ():
+        if task.get("reason"):
+            label = one_line(str(task.get("task", "")))
+            print_line(f"  task {label} has failed: {one_line(str(task['reason']))}")
+
+
+def _place(answer: dict[str, Any]) -> str:
+    """Endpoint, process and session of a robot, as far as they are known."""
+    host = f" on {answer['host']}" if answer.get("host") else ""
+    process = f", process {answer['pid']}{host}" if answer["pid"] is not None else ""
+    return one_line(
+        f"{answer['endpoint'] or 'no endpoint'}{process}, session {answer['session_id']}"
+    )
+
+
+def _tasks(answer: dict[str, Any], connect: str | None) -> list[dict[str, Any]] | None:
     """How the tasks of the controller stand that moves a robot; None where nobody tells."""
-    from hoap3.tools.cli.find_robot import reach_robot
     from hoap3.tools.services.client import task_errors
+    from hoap3.tools.services.find_robot import reach_robot
 
     if answer["mode"] != "active" or answer["lockstep"]:
         return None
-    return task_errors(*reach_robot(name, connect))
+    try:
+        return task_errors(*reach_robot(answer["robot"], connect))
+    except Hoap3Error:  # Zenoh does not reach it
+        return None
 
 
 def _show_warning(

@@ -31,8 +31,8 @@ def change(
     secure: Secure = None,
 ) -> None:
     """Change something in a controller that runs; its log has it, and a replay repeats it."""
-    from hoap3.tools.cli.find_robot import reach_robot
     from hoap3.tools.services.client import change as ask
+    from hoap3.tools.services.find_robot import reach_robot
 
     content = _content(request or [])
     name, endpoint = reach_robot(robot, reached(connect, secure))

@@ -13,12 +13,12 @@ ENDPOINT = "tcp/127.0.0.1:7447"
 
 
 def reached(connect: str | None, secure: str | None) -> str | None:
-    """Where a robot is and with which certificate it is reached; None: whatever runs here."""
+    """Where a robot is and with which certificate it is reached; None or empty: what runs here."""
     if secure is None:
         return connect
-    from hoap3.protocol.config.endpoints import Place, over_tls
+    from hoap3.protocol.config.endpoints import Place
 
-    return Place(over_tls(ENDPOINT) if connect is None else connect, secure)
+    return Place(connect or "", secure)
 
 
 def with_secure(sets: list[str], secure: str | None, *, insecure: bool = False) -> list[str]:

@@ -12,33 +12,50 @@ from hoap3.protocol.config.endpoints import Place, endpoint_fault
 from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings, parse
 from hoap3.protocol.errors import ConfigError, LinkError, UsageError, WireError
 
+ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where a robot listens by default."""
 
-def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
-    """Ask a running robot something.
+
+def tell(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
+    """Ask a running robot something; with "stop" or "status" all robots of that name.
 
     Args:
         robot: its name.
-        verb: "stop", "recover" or "status".
+        verb: "stop", "recover", "release" or "status".
         endpoint: where it, or a router, listens.
 
+    Returns:
+        The answer of each, with `endpoint` and `pid`, None where its token does not tell.
+
     Raises:
-        UsageError: that cannot be the name of a robot, or an endpoint.
+        UsageError: that cannot be the name of a robot, or an endpoint, or several robots have it.
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    from hoap3.protocol.link.zenoh_session import ask, open_session, session_name
+    from hoap3.protocol.link import zenoh_session as network
 
     check_name(robot)
     settings = client_settings(endpoint)
     check_right(settings, verb)
-    me = session_name(settings, f"tool-{os.getpid()}")
-    with open_session(settings, robot) as session:
-        reply = ask(session, robot, verb, me)
-    if reply is None:
+    me = network.session_name(settings, f"tool-{os.getpid()}")
+    with network.open_session(settings, robot) as session:
+        sessions = [found for _, found in network.robot_sessions(session, robot)]
+        if verb not in {"stop", "status"}:
+            network.check_unique(session, robot)
+        replies = network.ask_all(session, robot, verb, me, max(len(sessions), 1))
+        if not replies and (reply := network.ask(session, robot, verb, me)) is not None:
+            replies = [reply]  # of a robot that speaks version 1
+    if not replies:
         look = f"`hoap3 list --live`{unanswered(settings)}"
         raise LinkError(f"no robot called {robot!r} answers at {endpoint}: {look}")
     who = f"robot {robot!r} answers {verb!r}"
-    return parse_answer(ROBOT_ANSWERS[verb], reply, who).model_dump()
+    answers = [parse_answer(ROBOT_ANSWERS[verb], each, who).model_dump() for each in replies]
+    for answer in answers:
+        of_it = [one for one in sessions if one.session_id == answer.get("session_id")]
+        answer["endpoint"] = of_it[0].endpoint if of_it else str(endpoint)
+        answer["pid"] = of_it[0].pid if of_it else None
+        sessions = [one for one in sessions if one not in of_it[:1]]
+    return answers
 
 
 def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict[str, Any]:
@@ -84,13 +101,14 @@ def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
 
 def _ask_controller(robot: str, verb: str, body: bytes, endpoint: str) -> dict[str, Any]:
     """What the controller of a running robot answers."""
-    from hoap3.protocol.link.zenoh_session import ask, open_session, session_name
+    from hoap3.protocol.link.zenoh_session import ask, check_unique, open_session, session_name
 
     check_name(robot)
     settings = client_settings(endpoint)
     check_right(settings, verb, controller=True)
     me = session_name(settings, f"tool-{os.getpid()}")
     with open_session(settings, robot) as session:
+        check_unique(session, robot)
         reply = ask(session, robot, verb, me, body, whom="control")
     if reply is None:
         raise LinkError(
@@ -154,14 +172,23 @@ def check_name(robot: str) -> None:
         raise UsageError(f"{robot!r} is not the name of a robot. Names match {NAME_PATTERN}")
 
 
-def alive(endpoint: str) -> list[str]:
-    """Names of the robots that are alive behind an endpoint.
+def alive(endpoint: str) -> list[dict[str, Any]]:
+    """The robots that are alive behind an endpoint, a session each.
+
+    Returns:
+        `robot`, `endpoint`, `pid`, `host` and `session_id`; None where not known.
 
     Raises:
         UsageError: that cannot be an endpoint.
         LinkError: it cannot be reached.
     """
-    from hoap3.protocol.link.zenoh_session import alive_robots, open_session
+    from hoap3.protocol.link.zenoh_session import alive_robots, open_session, robot_sessions
 
     with open_session(client_settings(endpoint)) as session:
-        return [name for name in alive_robots(session) if re.fullmatch(NAME_PATTERN, name)]
+        names = [name for name in alive_robots(session) if re.fullmatch(NAME_PATTERN, name)]
+        sessions = robot_sessions(session)
+    found = [{"robot": name, **one._asdict()} for name, one in sessions if name in names]
+    known = {each["robot"] for each in found}
+    keys = ("robot", "endpoint", "pid", "host", "session_id")
+    found += [{"robot": name} for name in names if name not in known]
+    return [{key: each.get(key) for key in keys} for each in found]

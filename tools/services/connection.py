@@ -28,7 +28,7 @@ from hoap3.protocol.answers import (
     parse_answer,
     parse_description,
 )
-from hoap3.protocol.config.endpoints import Place, over_tls
+from hoap3.protocol.config.endpoints import Place
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     BadProblemError,
@@ -39,10 +39,10 @@ from hoap3.protocol.errors import (
 )
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
 from hoap3.tools.services import sent
-from hoap3.tools.services.client import check_name, check_right, client_settings, unanswered
+from hoap3.tools.services.client import check_right, client_settings, unanswered
+from hoap3.tools.services.find_robot import reach_robot
 from hoap3.tools.show.event_words import EVENT_NAMES, in_words
 
-ENDPOINT = "tcp/127.0.0.1:7447"
 LOOK_S = 5e-4  # between two looks for what has come
 EVENTS = 256  # that are kept until somebody reads them
 RENEWED_S = 0.5  # between two renewals of the operator's lease of 2 s
@@ -50,7 +50,7 @@ RETRY_S = 0.2
 
 
 def connect(
-    robot: str = "hoap3",
+    robot: str | None = None,
     endpoint: str | None = None,
     *,
     every_tick: bool = False,
@@ -59,14 +59,15 @@ def connect(
     """Connect to a running robot.
 
     Args:
-        robot: its name.
-        endpoint: where it, or a router, listens; None: `tcp/127.0.0.1:7447`, or `tls/…` there.
+        robot: its name; None: the only one that runs.
+        endpoint: where it, or a router, listens; None: that of your robot of this name on this
+            machine, else `tcp/127.0.0.1:7447`, or `tls/…` there.
         every_tick: be sent the State of each tick, not of each 16th alone. It costs the robot's
             machine as much as sending to a controller does.
         secure: folder of a certificate, where the robot wants one.
 
     Raises:
-        UsageError: that cannot be the name of a robot, or an endpoint.
+        UsageError: that cannot be the name of a robot, or an endpoint, or several robots have it.
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
@@ -74,7 +75,7 @@ def connect(
 
 
 def connect_async(
-    robot: str = "hoap3",
+    robot: str | None = None,
     endpoint: str | None = None,
     *,
     every_tick: bool = False,
@@ -84,11 +85,9 @@ def connect_async(
     return AsyncConnection(robot, _place(endpoint, secure), every_tick=every_tick)
 
 
-def _place(endpoint: str | None, secure: str | os.PathLike[str] | None) -> str:
+def _place(endpoint: str | None, secure: str | os.PathLike[str] | None) -> str | None:
     """Where a robot is, and with which certificate it is reached."""
-    if secure is None:
-        return endpoint or ENDPOINT
-    return Place(endpoint or over_tls(ENDPOINT), os.fspath(secure))
+    return endpoint if secure is None else Place(endpoint or "", os.fspath(secure))
 
 
 class Connection:
@@ -102,10 +101,12 @@ class Connection:
         description: of the robot.
     """
 
-    def __init__(self, robot: str, endpoint: str = ENDPOINT, *, every_tick: bool = False) -> None:
+    def __init__(
+        self, robot: str | None, endpoint: str | None = None, *, every_tick: bool = False
+    ) -> None:
         from hoap3.protocol.link import zenoh_session as network
 
-        check_name(robot)
+        robot, endpoint = reach_robot(robot, endpoint)
         settings = client_settings(endpoint)
         me = f"client-{os.getpid()}-{secrets.token_hex(3)}"
         self.robot, self.who = robot, network.session_name(settings, me)
@@ -452,6 +453,8 @@ class Connection:
     def _ask(self, verb: str, body: bytes = b"", whom: Any = "ask") -> bytes:
         self._check_open()
         check_right(self._settings, verb, controller=whom == "control")
+        if verb not in {"stop", "status"}:
+            self._network.check_unique(self._session, self.robot)
         reply = self._network.ask(self._session, self.robot, verb, self.who, body, whom)
         if reply is not None:
             return bytes(reply)
@@ -518,7 +521,9 @@ def _found(look: Callable[[], Any], timeout_s: float) -> Any:
 class AsyncConnection:
     """`Connection` for asyncio: what it does is done by a thread, and awaited."""
 
-    def __init__(self, robot: str, endpoint: str = ENDPOINT, *, every_tick: bool = False) -> None:
+    def __init__(
+        self, robot: str | None, endpoint: str | None = None, *, every_tick: bool = False
+    ) -> None:
         self._make = functools.partial(Connection, robot, endpoint, every_tick=every_tick)
         self._connection: Connection | None = None
 

@@ -97,6 +97,7 @@ def record_robot(
 
     from hoap3.protocol.link.zenoh_session import (
         ask_versions,
+        check_unique,
         key,
         open_session,
         session_name,
@@ -118,9 +119,11 @@ def record_robot(
         return note
 
     settings = client_settings(endpoint)
-    me = session_name(settings, f"recorder-{os.getpid()}")
     with open_session(settings, robot) as session:
-        version, data = ask_versions(session, robot, "description", me)
+        check_unique(session, robot)
+        version, data = ask_versions(
+            session, robot, "description", session_name(settings, f"recorder-{os.getpid()}")
+        )
         if data is None:
             raise LinkError(
                 f"no robot called {robot!r} answers at {endpoint}{unanswered(settings)}"

@@ -44,6 +44,7 @@ _SAYING = {
     "CHANGED": "after tick {}",
     "CONFLICTING_SETPOINTS": "{} so far: another client sends setpoints in the holder's name",
     "STALLS_WATCHED": "CPU {}",
+    "NAME_CONFLICT": "other robots with this name: {}; no new grants while there are any",
     "STARTED": "",
     "ENDED": "",
     "RECOVERED": "",
@@ -104,6 +105,8 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
         return _REASONS.get(detail, f"reason {detail}")
     if kind == _CONSTANTS["REFUSED"] and not detail:
         return "the client's liveliness token is not seen"
+    if kind == _CONSTANTS["REFUSED"] and detail < 0:
+        return "another robot uses the name"
     if kind == _CONSTANTS["REJECTED"]:
         return named(REJECTION_KINDS, detail, "kind")
     if kind == _CONSTANTS["SUPPRESSED"]:

@@ -48,7 +48,7 @@ class Hoap3ControllerLink:
     """
 
     def __init__(self, description: RobotDescription, settings: Hoap3TcpSettings, who: str) -> None:
-        self.robot, self.who = description.name, who
+        self.robot, self.who, self.session_id = description.name, who, -1
         self.presence, self.departures, self.linked = threading.Event(), 0, False
         self.wire_version = WIRE_VERSION
         self._description, self._settings = description, settings

@@ -48,6 +48,8 @@ class Hoap3RobotLink:
         PortInUseError, LinkError: it cannot listen.
     """
 
+    name_conflicts = 0
+
     def __init__(
         self,
         description: RobotDescription,

@@ -213,7 +213,7 @@ def test_hundreds_of_malformed_answers_end_no_command(robots):
 @pytest.mark.parametrize("verb", ["status", "stop", "recover", "release"])
 def test_an_answer_over_the_local_socket_is_checked_too(verb, monkeypatch):
     local = LocalRobot("hoap3", 1, Path("nowhere"))
-    monkeypatch.setattr("hoap3.tools.cli.find_robot.find_local", lambda _: local)
+    monkeypatch.setattr("hoap3.tools.services.find_robot._find_all", lambda _: [local])
     monkeypatch.setattr(LocalRobot, "ask", lambda *_: {"mode": 3, "released": "yes"})
     done = inside(verb)
     assert (done.code, len(done.stderr.splitlines())) == (1, 1)

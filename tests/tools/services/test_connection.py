@@ -19,7 +19,7 @@ from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireEr
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.messages import Event, Target
-from hoap3.tools.services import connection
+from hoap3.tools.services import connection, find_robot
 from hoap3.tools.services.connection import Connection
 
 ROBOT = arm().name
@@ -72,6 +72,8 @@ class Network:
 def network(monkeypatch: pytest.MonkeyPatch) -> Network:
     made = Network()
     monkeypatch.setattr(zenoh_session, "ask", made.ask)
+    monkeypatch.setattr(zenoh_session, "check_unique", lambda *_: None)
+    monkeypatch.setattr(find_robot, "listens", lambda _: True)
     monkeypatch.setattr(zenoh_session, "open_session", made.session)
     return made
 

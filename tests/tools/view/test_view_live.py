@@ -84,6 +84,7 @@ class Network:
 def network(monkeypatch: pytest.MonkeyPatch) -> Network:
     made = Network()
     monkeypatch.setattr(zenoh_session, "ask", made.ask)
+    monkeypatch.setattr(zenoh_session, "check_unique", lambda *_: None)
     monkeypatch.setattr(zenoh_session, "ask_versions", made.ask_first)
     monkeypatch.setattr(zenoh_session, "open_session", made.session)
     monkeypatch.setattr(live, "ASK_S", 1e-3)

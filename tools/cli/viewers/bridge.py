@@ -101,6 +101,6 @@ def layouts(
 
 def _show(robot: str | None, connect: str | None, viewer: Viewer, stop: StopFlag) -> None:
     from hoap3.tools.bridge.robot_feed import feed
-    from hoap3.tools.cli.find_robot import reach_robot
+    from hoap3.tools.services.find_robot import reach_robot
 
     feed(lambda: reach_robot(robot, connect), viewer, stop, to_people)

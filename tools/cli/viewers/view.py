@@ -54,7 +54,7 @@ def view(
         return
     if second is not None:
         raise typer.BadParameter("a second log goes with a log, not with a robot")
-    from hoap3.tools.cli.find_robot import reach_robot
+    from hoap3.tools.services.find_robot import reach_robot
 
     name, endpoint = reach_robot(what, reached(connect, secure))
     serve_robot(

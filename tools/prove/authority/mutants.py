@@ -31,6 +31,10 @@ def _without_token(self: Authority, who: str, **given: Any) -> Any:
     return _acquire(self, who, **{**given, "present": True})
 
 
+def _of_two_robots(self: Authority, who: str, **given: Any) -> Any:
+    return _acquire(self, who, **{**given, "unique": True})
+
+
 def _to_anybody(self: Authority, who: str, **given: Any) -> Any:
     after, refusal = _acquire(self, who, **given)
     if after.grant is None or not given["present"]:
@@ -91,6 +95,7 @@ def _from_tick(self: Authority) -> int:
 
 MUTANTS = (
     Mutant("a grant without a token", Authority, "acquire", _without_token),
+    Mutant("a grant while another robot uses the name", Authority, "acquire", _of_two_robots),
     Mutant("a grant beside another", Authority, "acquire", _to_anybody, 2),
     Mutant("an epoch that comes back", Authority, "acquire", _same_epoch),
     Mutant("a release by anybody", Authority, "drop", _by_anybody, 2),

@@ -7,7 +7,15 @@ from functools import cache
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.claim import MOST_STRANGE_STATES, Claim
 from hoap3.robot_emulator.authority import RELEASED, Authority
-from hoap3.tools.prove.authority.steps import GRACE, LEASE, LOOK_TICKS, RESTART, Step, one_tick_on
+from hoap3.tools.prove.authority.steps import (
+    GRACE,
+    LEASE,
+    LOOK_TICKS,
+    RESTART,
+    SAME_NAME,
+    Step,
+    one_tick_on,
+)
 from hoap3.tools.prove.authority.world import NAMES, UNSEEN, World
 
 LATEST = LEASE + 2 * LOOK_TICKS
@@ -33,6 +41,11 @@ def wrong_step(before: World, step: Step) -> str:
     old, new = before.authority.grant, step.after.authority.grant
     if step.told >= 0 and (new is None or new.holder != NAMES[step.told]):
         return "a client is sent a grant that it does not hold"
+    if step.what.endswith(SAME_NAME) and (old, before.authority.mode) != (
+        new,
+        step.after.authority.mode,
+    ):
+        return "authority or motion changes as another robot uses the name"
     if old is new:
         return ""
     if old is not None and new is not None:

@@ -28,6 +28,8 @@ COMMAND, MISSES, LOST = (
     _REASONS[f"REASON_{name}"] for name in ("COMMAND", "MISSES", "HOLDER_LOST")
 )
 RESTART = "the robot starts again"
+SAME_NAME = " while another robot uses the name"
+"""Another robot may come and go at any time: so each request is looked at with and without it."""
 
 
 class Step(NamedTuple):
@@ -62,6 +64,7 @@ def steps(world: World, *, requests: bool, crashes: bool) -> Iterator[Step]:
 def _requests(world: World) -> Iterator[Step]:
     for i, name in enumerate(NAMES[: len(world.clients)]):
         yield _acquire(world, i)
+        yield _acquire(world, i, unique=False)
         released = _dropped(world, i, RELEASED)
         if released.authority is not world.authority:
             yield Step(f"{name} releases", released, 1)
@@ -74,18 +77,19 @@ def _requests(world: World) -> Iterator[Step]:
     yield Step("somebody recovers the robot", recovered, 1)
 
 
-def _acquire(world: World, i: int) -> Step:
+def _acquire(world: World, i: int, *, unique: bool = True) -> Step:
     name, known = NAMES[i], world.tokens()
     present = known.asks(name)
     after, refusal = world.authority.acquire(
-        name, present=present, tick=0, from_tick=GRACE, lease=LEASE
+        name, present=present, tick=0, from_tick=GRACE, lease=LEASE, unique=unique
     )
     if after.grant != world.authority.grant:
         world = world._replace(late=0)
     world = world.with_tokens(known)._replace(authority=after)
     if refusal == NO_TOKEN:
         world = _look_up(world, i)
-    return Step(f"{name} asks for authority", world, 1, told=-1 if refusal else i)
+    what = f"{name} asks for authority{'' if unique else SAME_NAME}"
+    return Step(what, world, 1, told=-1 if refusal else i)
 
 
 def _dropped(world: World, i: int, reason: int) -> World:

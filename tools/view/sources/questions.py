@@ -32,19 +32,22 @@ class Questions:
     """
 
     def __init__(self, session: Any, robot: str, who: str, endpoint: str) -> None:
-        from hoap3.protocol.link.zenoh_session import ask, ask_versions
+        from hoap3.protocol.link.zenoh_session import ask, ask_versions, check_unique
 
         self._put, self._put_first, self._session = ask, ask_versions, session
+        self._check_unique = check_unique
         self._robot, self._who, self._endpoint = robot, who, endpoint
 
     def description(self) -> RobotDescription:
         """Of the robot.
 
         Raises:
+            NameTakenError: several robots use the name.
             LinkError: nobody answers, or in a version of the wire whose States are not shown.
             WireError: the answer makes no sense.
         """
         given = self._session, self._robot, "description", self._who
+        self._check_unique(self._session, self._robot)
         version, raw = self._put_first(*given)
         if raw is None:
             look = f"`hoap3 list --live --connect {self._endpoint}`"
