@@ -21,11 +21,12 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError
 from hoap3.protocol.messages import STAMP_FIELDS, WIRE_VERSION, Setpoint, State
 from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
-from hoap3.protocol.runtime.recorder import NoRecorder
+from hoap3.protocol.runtime.recorder import NoRecorder, Recorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.protocol.wire_versions import EARLIER
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
+from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.registry import registered
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.motion_files import reopened
@@ -105,6 +106,7 @@ def replay(
     allow_code: bool = False,
     say: Callable[[str], None] = lambda _: None,
     note: Callable[[str], None] = lambda _: None,
+    repeated: Recorder | None = None,
 ) -> ReplayReport:
     """Repeat a log.
 
@@ -115,6 +117,7 @@ def replay(
         allow_code: import what the log names by a dotted path: a controller, a task, a constraint.
         say: takes how far it is, in words.
         note: is told before an error where the software is not that of the log.
+        repeated: takes what the controller records again, each summary included.
 
     Raises:
         LogError: not a controller's log, or one that names code.
@@ -123,7 +126,7 @@ def replay(
     log = Log.open(path, side="controller")
     others = differences(log.metadata.get("versions", {}))
     try:
-        report = _replay(log, path, overrides, tolerance, allow_code, say)
+        report = _replay(log, path, overrides, tolerance, allow_code, say, repeated)
     except Hoap3Error:
         if others:
             note(in_words(others))
@@ -142,6 +145,7 @@ def _replay(
     tolerance: float,
     allow_code: bool,
     say: Callable[[str], None],
+    repeated: Recorder | None,
 ) -> ReplayReport:
     file = f"config in {path}"
     content = apply_overrides(reopened(parse_yaml(log.config, file), log.attachments), overrides)
@@ -155,6 +159,7 @@ def _replay(
         with user_code(allowed=allow_code):
             old = log.wire_version < WIRE_VERSION
             given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say, "old": old}
+            given["repeated"] = repeated
             return replay_records(log.records(), config, **given)
     except NEVER_OURS as error:
         raise LogError(
@@ -171,17 +176,20 @@ def replay_records(
     file: str = "config",
     say: Callable[[str], None] = lambda _: None,
     old: bool = False,
+    repeated: Recorder | None = None,
 ) -> ReplayReport:
     """Repeat the records of a controller's log; see `replay`.
 
     Args:
         records, config, tolerance, file, say: see there.
         old: whether its setpoints lack what version 1 of the wire did not have.
+        repeated: takes what the controller records again, each summary included.
     """
     report = ReplayReport(tolerance=tolerance)
+    engaged = _Engagements(config, file, repeated)
     description: RobotDescription | None = None
     loop: ControllerLoop | None = None
-    lockstep, answer, tick = False, None, 0
+    answer, tick = None, 0
     comparison: _Comparison | None = None
     records, sent = iter(records), 0
     for record in records:
@@ -190,17 +198,9 @@ def replay_records(
             description = RobotDescription.from_json(record.payload)
         elif record.kind == Kind.SESSION and description is not None:
             session = json.loads(record.payload)
-            lockstep = bool(session["lockstep"])
-            clock = VirtualClock() if lockstep else MonotonicClock()
-            controller = build(config, description, file)
-            loop = ControllerLoop(controller, clock, NoRecorder(), session["session_id"])
-            comparison = _Comparison(controller.command, lockstep, tolerance, old=old)
-        elif record.kind == Kind.AUTHORITY and loop is not None:
-            loop.grant(int(json.loads(record.payload)["epoch"]))
-        elif record.kind == Kind.CHANGE and loop is not None:
-            loop.change(record.payload)
-        elif record.kind == Kind.TARGET and loop is not None:
-            loop.steer_again(record.payload)
+            loop = engaged.begin(description, session)
+            lockstep, command = bool(session["lockstep"]), engaged.controller.command
+            comparison = _Comparison(command, lockstep, tolerance, old=old)
         elif record.kind == Kind.STATE and loop is not None:
             (tick,) = State.scalars(record.payload, "tick")
             answer = loop.answer(record.stamp, record.payload)
@@ -217,9 +217,61 @@ def replay_records(
                 report.same += 1
             elif report.first_difference is None:
                 report.first_difference, report.field = tick, differs
+        elif loop is not None:
+            _take(loop, record)
+    engaged.end()
     sent += sum(record.kind == Kind.SETPOINT for record in records)
     report.skipped = sent - report.setpoints
     return report
+
+
+def _take(loop: ControllerLoop, record: Record) -> None:
+    """Repeat what others did to a controller."""
+    if record.kind == Kind.AUTHORITY:
+        loop.grant(int(json.loads(record.payload)["epoch"]))
+    elif record.kind == Kind.CHANGE:
+        loop.change(record.payload)
+    elif record.kind == Kind.TARGET:
+        loop.steer_again(record.payload)
+
+
+class _Engagements:
+    """Engages the controller once more for each session in a log, as the service does.
+
+    Args:
+        config, file: of the controller.
+        repeated: takes what it records, or None.
+    """
+
+    def __init__(self, config: ControllerConfig, file: str, repeated: Recorder | None) -> None:
+        self._config, self._file, self._repeated = config, file, repeated
+        self._loop: ControllerLoop | None = None
+        self._outcome: Outcome | None = None
+        self._digest, self._session = "", None
+        self.controller: Any = None
+
+    def begin(self, description: RobotDescription, session: dict[str, Any]) -> ControllerLoop:
+        """Engage; the controller is built again where the robot is another one."""
+        self.end()
+        if description.digest != self._digest:
+            self.controller = build(self._config, description, self._file)
+            self._digest, self._outcome = description.digest, None
+        if self._outcome is None or session["session_id"] != self._session:
+            self._outcome = Outcome(self.controller, description)
+        self._session = session["session_id"]
+        lockstep = bool(session["lockstep"])
+        clock = VirtualClock() if lockstep else MonotonicClock()
+        recorder = self._repeated or NoRecorder()
+        loop = ControllerLoop(self.controller, clock, recorder, self._session, self._outcome)
+        if self._repeated is not None:
+            loop.begin(description, lockstep=lockstep)
+        self._loop = loop
+        return loop
+
+    def end(self) -> None:
+        """Sum up what the answers so far came to, where that is recorded."""
+        if self._loop is not None and self._repeated is not None:
+            self._loop.sum_up()
 
 
 class _Comparison:

@@ -33,6 +33,7 @@ from hoap3.tools.cli.measure import bench_app, doctor
 from hoap3.tools.cli.new import new
 from hoap3.tools.cli.options import (
     ENDPOINT,
+    AllowCode,
     AsJson,
     Connect,
     NoRealtime,
@@ -85,9 +86,6 @@ Duration = Annotated[
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
-]
-AllowCode = Annotated[
-    bool, typer.Option("--allow-code", help="Import code that the config names by dotted path.")
 ]
 StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
 Named = Annotated[str | None, typer.Option("--named", hidden=True)]

@@ -34,6 +34,9 @@ def finite(value: float | None) -> float | None:
     return value
 
 
+AllowCode = Annotated[
+    bool, typer.Option("--allow-code", help="Import code that the config names by dotted path.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Secure = Annotated[
     str | None,

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
-from hoap3.tools.cli.options import AsJson
+from hoap3.tools.cli.options import AllowCode, AsJson
 from hoap3.tools.show.output import print_json, print_line, print_note, progress
+
+MOST_NAMED = 5  # false claims
 
 
 def report(
@@ -21,6 +23,7 @@ def report(
         str | None,
         typer.Option(help="Name or folder of the robot, to draw it with the meshes there."),
     ] = None,
+    allow_code: AllowCode = False,
     as_json: AsJson = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
@@ -32,7 +35,7 @@ def report(
     from hoap3.tools.show.verdicts import NAMES, failed, in_words
 
     with progress(f"report {log}") as meter:
-        figures = write_report(log, out, meter.step, robot)
+        figures = write_report(log, out, meter.step, robot, allow_code=allow_code)
     if as_json:
         print_json(figures)
     else:
@@ -44,9 +47,13 @@ def report(
             print_line(f"certificates: {unproved}")
         verified = figures["verified"]
         if verified["verdict"] == "false":
-            print_line(f"claims: {verified['false']} of {verified['checked']} are not true")
+            which = ", ".join(verified["false_claims"][:MOST_NAMED])
+            counts = f"{verified['false']} of {verified['checked']}"
+            print_line(f"claims: {counts} are not true: {which}")
         if figures["replaced"]:
             print_note("written in place of an earlier report")
+    for part in figures["verified"]["unjudged"]:
+        print_note(f"not verified: {part}")
     for side, why in figures["unreadable"].items():
         print_note(f"the log of the {side} cannot be read: {why}")
     for side, lost in figures["damaged"].items():
@@ -58,6 +65,6 @@ def report(
         print_note(
             f"`hoap3 record --repair {log}` makes a whole file of the rest, to be named by itself"
         )
-    incomplete = figures["damaged"] or figures["unreadable"]
+    incomplete = figures["damaged"] or figures["unreadable"] or figures["verified"]["unjudged"]
     untrue = figures["verified"]["verdict"] == "false"
     raise typer.Exit(1 if incomplete or untrue or failed(figures["verdicts"]) else 0)

@@ -29,15 +29,39 @@ class Checked:
         return self.found.verdict if self.found is not None else "not verified"
 
     @property
+    def outcomes(self) -> dict[int, dict[str, Any]]:
+        """What the answers came to, by session of the robot, as a replay computes it."""
+        return self.found.outcomes if self.found is not None else {}
+
+    @property
+    def unjudged(self) -> list[str]:
+        """Parts of the log that verdicts rest on and that could not be verified, with reasons."""
+        if self.found is None:
+            return [f"claims: {self.why}"]
+        return [
+            f"{name}: {reason}"
+            for name, each in sorted(self.found.claims.counts.items())
+            for reason in each.unverified
+            if name.startswith(RESTS_ON)
+        ]
+
+    @property
+    def false(self) -> list[str]:
+        """Claims that do not hold."""
+        counts = self.found.claims.counts if self.found is not None else {}
+        return sorted(name for name, each in counts.items() if each.false)
+
+    @property
     def gaps(self) -> list[str]:
-        """What the head of the page has to say of it."""
+        """What the head of the page has to state of it."""
+        unjudged = [f"Not verified: {each}." for each in self.unjudged]
         if self.found is None or not self.found.claims.false:
-            return []
+            return unjudged
         claims = self.found.claims
         first = claims.by_tick()[0]
         wrong = f"{count(claims.false)} of {count(claims.checked)} numbers that were recomputed"
         where = f"the first is {first.claim} at tick {first.tick}"
-        return [f"{wrong} are not what the logs claim; {where}."]
+        return [f"{wrong} are not what the logs claim; {where}.", *unjudged]
 
     @property
     def rows(self) -> list[list[object]]:
@@ -59,15 +83,30 @@ class Checked:
     def as_json(self) -> dict[str, Any]:
         """The counts, as `--json` prints them."""
         if self.found is None:
-            return {"verdict": self.verdict, "why": self.why}
+            return {"verdict": self.verdict, "why": self.why, "unjudged": self.unjudged}
         claims = self.found.claims
         counts = {"checked": claims.checked, "false": claims.false}
-        return {"verdict": self.verdict, **counts, "unverified": claims.unverifiable}
+        counts |= {"unverified": claims.unverifiable}
+        return {
+            "verdict": self.verdict,
+            **counts,
+            "false_claims": self.false,
+            "unjudged": self.unjudged,
+        }
 
 
-def check(path: Path) -> Checked:
-    """Verify the folder of a run, or one `*.mcap`; a log that cannot be, says why."""
+RESTS_ON = ("summary", "session", "event", "reset", "description", "config", "log of")
+"""How claims begin whose parts of a log verdicts rest on."""
+
+
+def check(path: Path, *, allow_code: bool = False) -> Checked:
+    """Verify the folder of a run, or one `*.mcap`, with the controller repeated.
+
+    Args:
+        path: of the log; one that cannot be verified says why.
+        allow_code: import what the log names by a dotted path.
+    """
     try:
-        return Checked(verify(path))
+        return Checked(verify(path, repeat=True, allow_code=allow_code))
     except LogError as error:
         return Checked(None, str(error))

@@ -37,6 +37,7 @@ class Content:
         conditions: what stood in the controller's way; None without its log.
         gaps: what is missing, and why, in sentences.
         robot_here: name or path of the robot on this machine, whose meshes are drawn.
+        allow_code: import what the log names by a dotted path.
     """
 
     sources: Sources
@@ -46,11 +47,12 @@ class Content:
     conditions: tuple[Condition, ...] | None
     gaps: tuple[str, ...]
     robot_here: str | None = None
+    allow_code: bool = False
 
     @cached_property
     def checked(self) -> Checked:
         """What of the logs was recomputed, and holds; it is done when somebody asks."""
-        return check(self.sources.path)
+        return check(self.sources.path, allow_code=self.allow_code)
 
     @property
     def warnings(self) -> list[str]:
@@ -81,17 +83,15 @@ class Content:
     def judged(self) -> dict[str, Any]:
         """The three verdicts, and what they rest on, as `run --json` has them.
 
-        A controller whose answers are in the logs should have told what they came to.
+        What the answers came to is computed from the logs, not taken from their summaries.
         """
         sources, motion = self.sources, self.motion
-        outcome = sources.outcomes.get(motion.session_id) if motion is not None else None
-        untold = motion is not None and outcome is None and sources.answered(motion.session_id)
+        outcome = self.checked.outcomes.get(motion.session_id) if motion is not None else None
         return judge(
             self.timing.verdict if self.timing else None,
             sources.interventions,
             sources.torque_limited,
             outcome,
-            expected=untold,
             damaged=sources.lost,
             joints=sources.held_back_joints,
             body=body_of(sources.summary),
@@ -174,22 +174,23 @@ class Content:
         }
 
 
-def read_content(path: Path, robot: str | None = None) -> Content:
+def read_content(path: Path, robot: str | None = None, *, allow_code: bool = False) -> Content:
     """Compute a report.
 
     Args:
         path: folder of a run, or one `*.mcap`.
         robot: name or path of the robot on this machine, whose meshes are drawn. None: no log
             makes a report open files that it names.
+        allow_code: import what the log names by a dotted path, to repeat its controller.
 
     Raises:
         LogError: there is no log of ours, or it holds what no service of ours has written.
     """
     with of_ours(path):
-        return _read(Sources.open(path), robot)
+        return _read(Sources.open(path), robot, allow_code=allow_code)
 
 
-def _read(sources: Sources, robot: str | None) -> Content:
+def _read(sources: Sources, robot: str | None, *, allow_code: bool) -> Content:
     gaps = list(sources.gaps)
     motion = _motion(sources, gaps)
     timing = _timing(sources, gaps)
@@ -213,6 +214,7 @@ def _read(sources: Sources, robot: str | None) -> Content:
         conditions=_conditions(sources, motion),
         gaps=tuple(gaps),
         robot_here=robot,
+        allow_code=allow_code,
     )
 
 

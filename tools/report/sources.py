@@ -27,8 +27,6 @@ class Sources:
         robot, controller: the log of each side, or None.
         lockstep: whether all stamps are virtual.
         summary: what the robot counted itself, at its end; empty where that is not in its log.
-        outcomes: what the controller counted, by session of the robot; of a session that went on
-            after its last summary, none.
         gaps: what is missing, in words, each with what follows from it.
         damaged: what is lost of each log that is cut off or damaged, in words, by side.
         unreadable: why a log that is there cannot be read at all, in words, by side.
@@ -39,7 +37,6 @@ class Sources:
     controller: Log | None
     lockstep: bool
     summary: dict[str, Any]
-    outcomes: dict[int, dict[str, Any]] = field(default_factory=dict)
     gaps: list[str] = field(default_factory=list)
     damaged: dict[str, str] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
@@ -81,9 +78,7 @@ class Sources:
         lockstep = any(session.get("lockstep") is True for session in sessions)
         summaries = said.get("robot", {}).get("summary", [])
         counted = summaries[-1] if summaries else {}
-        theirs = said.get("controller", {}).get("summary", [])
-        outcomes = _newest(theirs, controller)
-        return cls(path, robot, controller, lockstep, counted, outcomes, gaps, damaged, unreadable)
+        return cls(path, robot, controller, lockstep, counted, gaps, damaged, unreadable)
 
     @property
     def logs(self) -> list[Log]:
@@ -137,16 +132,6 @@ class Sources:
         found = self.summary.get("realtime")
         return list(map(str, found)) if isinstance(found, list) else None
 
-    def answered(self, session: int) -> bool:
-        """Whether the controller's log holds answers to a session of the robot."""
-        if self.controller is None:
-            return False
-        try:
-            answers = self.controller.setpoints()
-        except LogError:
-            return False  # of another version
-        return bool((answers["session_id"] == session).any())
-
     def _counted(self, name: str) -> int | None:
         found = self.summary.get(name)
         return found if isinstance(found, int) else None
@@ -169,9 +154,6 @@ _ONLY_THERE = {
     "robot": "whether answers were in time, and when it woke, stands",
     "controller": "its settings, and States that it never got, stand",
 }
-
-STAMP = " log time"
-"""Key of a record's log time [ns] among what it says; none of ours begins with a blank."""
 
 
 @contextmanager
@@ -221,22 +203,5 @@ def _inputs(log: Log) -> dict[str, list[dict[str, Any]]]:
                 said["not JSON"].append({})
                 continue
             if isinstance(content, dict):
-                said[kinds[record.kind]].append({**content, STAMP: record.stamp})
+                said[kinds[record.kind]].append(content)
     return said
-
-
-def _newest(summaries: list[dict[str, Any]], log: Log | None) -> dict[int, dict[str, Any]]:
-    """The last summary of each session, but for sessions with an answer after it."""
-    newest = {each["session_id"]: each for each in summaries if "session_id" in each}
-    if log is None or not newest:
-        return newest
-    try:
-        stamps, answers = log.table(Kind.SETPOINT)
-    except LogError:
-        return newest  # of another version
-    found = {}
-    for session, summary in newest.items():
-        answered = stamps[answers["session_id"] == session]
-        if not (answered > summary[STAMP]).any():
-            found[session] = {key: value for key, value in summary.items() if key != STAMP}
-    return found

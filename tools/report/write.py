@@ -18,6 +18,8 @@ def write_report(
     out: Path | None = None,
     say: Callable[[str], None] = lambda _: None,
     robot: str | None = None,
+    *,
+    allow_code: bool = False,
 ) -> dict[str, Any]:
     """Write the report of a log.
 
@@ -26,6 +28,7 @@ def write_report(
         out: the file; None for `report.html` beside the log. An earlier report is replaced.
         say: takes what is being done.
         robot: name or path of the robot on this machine, whose meshes are drawn.
+        allow_code: import what the log names by a dotted path, to repeat its controller.
 
     Returns:
         its figures, as `--json` prints them, with the path of the page as `report`, and whether it
@@ -36,7 +39,7 @@ def write_report(
         UsageError: `out` cannot be written.
     """
     say("reading the log")
-    content = read_content(log, robot)
+    content = read_content(log, robot, allow_code=allow_code)
     say("drawing")
     with of_ours(log):
         drawn = page(content)

@@ -39,11 +39,14 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         same = ~np.isin(shared, _keys(np.setdiff1d(theirs, ours)))
         ticks = shared.view(np.int64)[1::2]
         claims.equal(f"{name} in both logs", ticks, same, np.ones(len(same)), 0.0)
-    if together:
+    if not together:
+        claims.unverified("description in both logs", 1, UNSHARED)
+        return
+    try:
         ours_said, theirs_said = (_said(log.description, old=old) for log in (robot, controller))
         claims.equal("description in both logs", 0, float(ours_said == theirs_said), 1.0)
-    else:
-        claims.unverified("description in both logs", 1, UNSHARED)
+    except LogError as error:
+        claims.unverified("description in both logs", 1, str(error))
 
 
 def check_enclosed(logs: Iterable[Log], claims: Claims) -> None:

@@ -41,7 +41,7 @@ class Recount:
     Attributes:
         ticks, stated, found: of each State its tick, and counts as in `COUNTED`, (N · 6,).
         runs: each tick in which the robot follows somebody, and misses in a row there, (M · 2,).
-        asked, in_time, longest_run: over all deadlines that have passed.
+        asked, in_time, longest_run: over all deadlines that have passed; run: misses at their end.
     """
 
     description: RobotDescription
@@ -64,7 +64,7 @@ class Recount:
         self._waiting: deque[int] = deque()
         self._last = deque[bool](maxlen=WINDOW)
         self._late = self._lost = self._twice = self._disordered = self._refused = 0
-        self._run, self._newest, self._published = 0, -1, -1
+        self.run, self._newest, self._published = 0, -1, -1
         self._session, self._active = -1, False
 
     def setpoint(self, stamp: int, payload: bytes) -> None:
@@ -90,7 +90,7 @@ class Recount:
         while self._waiting and self._ticks[self._waiting[0]].due <= intended:
             self._count(self._ticks[self._waiting.popleft()])
         if mode == State.ACTIVE and not self._active:
-            self._newest, self._run = max(self._newest, tick - 1), 0
+            self._newest, self.run = max(self._newest, tick - 1), 0
         self._active = mode == State.ACTIVE
         counts = self._late, self._lost, self._twice, self._disordered, self._refused
         rate = sum(self._last) / len(self._last) if self._last else 1.0
@@ -98,7 +98,7 @@ class Recount:
         self.stated.extend(State.scalars(payload, *COUNTED))
         self.found.extend((*counts, rate))
         if self._active:
-            self.runs.extend((tick, self._run))
+            self.runs.extend((tick, self.run))
             due = (published if self._from_publication else intended) + self._allowed
             self._ticks[tick] = _Asked(epoch, due)
             self._waiting.append(tick)
@@ -141,8 +141,8 @@ class Recount:
         self.asked += 1
         self.in_time += hit
         self._last.append(hit)
-        self._run = 0 if hit else self._run + 1
-        self.longest_run = max(self.longest_run, self._run)
+        self.run = 0 if hit else self.run + 1
+        self.longest_run = max(self.longest_run, self.run)
         if not hit:
             asked.missed = asked.arrived is None
             self._lost += asked.missed

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LogError
-from hoap3.protocol.messages import Event, State
+from hoap3.protocol.messages import WIRE_VERSION, Event, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.disk_rows import DiskRows, parts
 from hoap3.tools.logs.log import Log
@@ -20,6 +20,7 @@ from hoap3.tools.verify.applied_motion import check_motion
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import as_table
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
+from hoap3.tools.verify.records.robot_events import RobotEvents
 
 Array = NDArray[np.float64]
 EVENTS = Event.schema.constants
@@ -56,26 +57,34 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
         claims.unverified("deadlines", 1, f"no description: {error}")
         return
     stamps, epochs, states = array("q"), array("q"), DiskRows()
+    events, whole = RobotEvents(misses_to_stop, claims, old=log.wire_version < WIRE_VERSION), True
     summary: dict[str, Any] = {}
     epoch = stops = 0
     for kind, stamp, payload in log.records():
         if kind == Kind.GAP:
             claims.unverified("deadlines", 1, "records are missing; none after them is looked at")
+            whole = False
             break
         if kind == Kind.SETPOINT:
             recount.setpoint(stamp, payload)
         elif kind == Kind.STATE:
             recount.state(payload)
+            events.state(payload, recount.run)
             states.add(payload)
             stamps.append(stamp)
             epochs.append(epoch)
         elif kind == Kind.EVENT:
+            events.event(payload)
             event, detail = Event.scalars(payload, "kind", "detail")
             epoch = detail if event == EVENTS["GRANTED"] else epoch
             stops += event == EVENTS["SAFE_STOP"] and detail in FAILURES
+        elif kind == Kind.REQUEST:
+            events.request(payload)
         elif kind == Kind.SUMMARY:
             summary = json.loads(payload)
             _check_summary(summary, recount, stops, claims)
+    if whole:
+        events.end(summary, ended=not log.missing)
     if states:
         _check_counts(recount, misses_to_stop, claims)
         table = as_table(State, states)

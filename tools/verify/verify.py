@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.protocol.errors import ConfigError, DescriptionError, LogError
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both, check_enclosed
@@ -16,6 +16,8 @@ from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
+from hoap3.tools.verify.records.log_times import check_log_times
+from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
 from hoap3.tools.verify.summaries import Summaries
 from hoap3.tools.verify.tasks.changes import with_numbers
@@ -30,11 +32,16 @@ class Verification:
         log: what was verified.
         claims: all that was compared, and what could not be.
         missing: what of the log is lost, in words, "" for nothing.
+        outcomes: what a controller's answers came to, by session of the robot, as a replay
+            computes it again.
+        not_repeated: why there is none, "" where there is.
     """
 
     log: str
     claims: Claims = field(default_factory=Claims)
     missing: str = ""
+    outcomes: dict[int, dict[str, Any]] = field(default_factory=dict)
+    not_repeated: str = "the controller was not repeated"
 
     @property
     def true(self) -> bool:
@@ -59,12 +66,20 @@ class Verification:
         }
 
 
-def verify(path: Path, say: Callable[[str], None] = lambda _: None) -> Verification:
+def verify(
+    path: Path,
+    say: Callable[[str], None] = lambda _: None,
+    *,
+    repeat: bool = False,
+    allow_code: bool = False,
+) -> Verification:
     """Verify the log of a controller, of a robot, or both in the folder of a run.
 
     Args:
         path: `*.mcap`, or a folder.
         say: takes progress, for people.
+        repeat: also replay the controller, for its summaries, events and session.
+        allow_code: import for that what the log names by a dotted path.
 
     Raises:
         LogError: there is no log, or it cannot be read.
@@ -76,6 +91,13 @@ def verify(path: Path, say: Callable[[str], None] = lambda _: None) -> Verificat
         say(f"log of the {log.side}")
         try:
             _check_side(log, found.claims, say)
+            if repeat and log.side == "controller":
+                config = "" if _config(log) is not None else "the log has no config"
+                found.outcomes, found.not_repeated = check_repeated(
+                    log, found.claims, config, allow_code=allow_code
+                )
+        except DescriptionError as error:
+            found.claims.unverified(f"log of the {log.side}", 1, str(error))
         except NEVER_OURS as error:
             reason = f"{type(error).__name__}: {error}"
             raise LogError(f"{path}: holds what no service of ours writes ({reason})") from error
@@ -104,11 +126,21 @@ def _sides(path: Path) -> tuple[str | None, ...]:
 
 def _check_side(log: Log, claims: Claims, say: Callable[[str], None]) -> None:
     config = _config(log)
+    if config is None:
+        claims.unverified(f"config of the {log.side}", 1, "the log has none that can be read")
+    if "recorded" not in log.metadata.get("run", {}):
+        check_log_times(log, _compute_time(config or {}), claims)
     if log.side == "robot":
         misses = (config or {}).get("misses_to_stop")
         check_robot(log, misses if isinstance(misses, int) else None, claims)
     else:
         _check_controller(log, config, claims, say)
+
+
+def _compute_time(config: dict[str, Any]) -> int | None:
+    """How long after its State a setpoint arrives in virtual time [ns]; None: not known."""
+    found = (config.get("lockstep") or {}).get("compute_time_us")
+    return round(found * 1e3) if isinstance(found, int | float) else None
 
 
 def _config(log: Log) -> dict[str, Any] | None:

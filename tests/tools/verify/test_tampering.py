@@ -1,0 +1,58 @@
+"""`hoap3 verify` finds every event, summary, description, session and stamp that was changed."""
+
+from __future__ import annotations
+
+import random
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from tampered_kinds import LOGS, SIDES, changes
+from tampering import rewrite
+
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.tools.verify.verify import verify
+
+FOUND = {"false", "not verified", "error"}
+
+
+def _verdict(folder: Path) -> str:
+    """The verdict, "" where it names no claim."""
+    try:
+        found = verify(folder, repeat=True)
+    except LogError:  # names the log
+        return "error"
+    named = found.claims.false or found.claims.unverifiable
+    return found.verdict if found.verdict == "true" or named else ""
+
+
+@pytest.mark.parametrize("log", LOGS)
+@pytest.mark.parametrize(
+    ("kinds", "places"),
+    [(3, 1), pytest.param(1000, 20, marks=[pytest.mark.slow, pytest.mark.long])],
+)
+def test_each_change_is_found(log: str, kinds: int, places: int, tmp_path: Path) -> None:
+    run = LOGS[log](tmp_path / "run")
+    assert verify(run, repeat=True).verdict == "true"
+    table = Counter[tuple[str, bool]]()
+    for side in SIDES:
+        found = list(changes(run, side))
+        for kind, change in random.Random(log).sample(found, min(kinds, len(found))):
+            for place in range(places):
+                rng = random.Random(f"{log} {kind} {place}")
+
+                def altered(records: list[Record]) -> list[Record]:
+                    change(records, rng)  # noqa: B023
+                    return records
+
+                folder = tmp_path / "changed"
+                shutil.copytree(run, folder)
+                (folder / f"{side}.mcap").unlink()
+                rewrite(run, side, folder, altered)
+                table[kind, _verdict(folder) in FOUND] += 1
+                shutil.rmtree(folder)
+    for kind in sorted({kind for kind, _ in table}):
+        print(f"{kind:<60}{table[kind, True]:>4} / {table[kind, True] + table[kind, False]}")
+    assert [kind for kind, found in table if not found] == []
