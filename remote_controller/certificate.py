@@ -19,6 +19,8 @@ STATUS = {
 PROVED = STATUS["certified"], STATUS["at_target"]
 INVALID = "invalid certificate: "
 """Begin of the reason why an answer with an invalid field is not certified."""
+STATIONARY = "stationary: "
+"""Begin of the conditions of tasks whose gradient vanishes: no answer is certified in these."""
 RHO_MAX = 1.0 + 1e-9
 FIELDS = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "values")
 

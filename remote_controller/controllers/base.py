@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self
 
@@ -18,10 +19,12 @@ from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State
 from hoap3.remote_controller import certificate
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
+from hoap3.remote_controller.controllers.progress import Progress
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.scheduling.changes import Changes
 from hoap3.remote_controller.scheduling.numbers import FILE, Part, private
 from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.registry import FollowedTask
 
 STATUS = certificate.STATUS
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
@@ -94,6 +97,7 @@ class Controller(ABC):
         not_certified_in: conditions, by bit, in which there is nothing that a certificate could
             claim: priorities are in transition, or no task takes part. Their answers count as
             not certifiable; where these are too many, the task is not judged.
+        progress: finds tasks that are stationary or blocked; None for a controller that does not.
         too_fast: bit of the condition that its law is too fast for the robot's servos, where
             nothing is certified; 0 where it is slow enough. See `servo_rate`.
         live: its targets that somebody steers, in the order in which messages count them.
@@ -127,6 +131,7 @@ class Controller(ABC):
         self.present = 0
         self.certifies, self.not_certified_in = True, 0
         self.too_fast = 0
+        self.progress: Progress | None = None
         self.live: Sequence[Live] = ()
         self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
@@ -214,6 +219,24 @@ class Controller(ABC):
             self.too_fast = 1 << len(self.conditions)
             self.conditions = (*self.conditions, condition)
 
+    def watch_progress(
+        self,
+        tasks: Sequence[FollowedTask],
+        bounds: tuple[FloatArray, FloatArray],
+        constraints: Sequence[str] = (),
+        ends: FloatArray | None = None,
+    ) -> Progress:
+        """Add the conditions of stationary and blocked tasks; arguments as of `Progress`."""
+        given = tasks, bounds, constraints, ends
+        self.progress = Progress(self.description, self.conditions, *given)
+        self.conditions = self.progress.names
+        return self.progress
+
+    def restart_progress(self) -> None:
+        """Forget for how long tasks have been blocked."""
+        if self.progress is not None:
+            self.progress.reset()
+
     def notes(self) -> list[str]:
         """What people should know of it at the start, a line each."""
         if not self.too_fast:
@@ -228,6 +251,17 @@ class Controller(ABC):
         Called outside the loop, when the robot stops following; it must not change anything.
         """
         return []
+
+    @property
+    def is_stationary(self) -> bool:
+        """Whether a task is stationary in this cycle: nothing is certified then."""
+        return self.progress is not None and bool(self.present & self.progress.stationary)
+
+    def explained(self, error: TaskError, task: str) -> TaskError:
+        """Return an error of a task, by its name, with the reason why it does not fall where that is known."""
+        if self.progress is None:
+            return error
+        return replace(error, reason=self.progress.reason_of(error, task))
 
     def change(self, request: Mapping[str, Any]) -> None:
         """Take over what somebody wants to be otherwise from now on: all of it, or nothing.
@@ -355,7 +389,7 @@ class VelocityController(Controller):
                 description.setpoint_acceleration_max,
             ]
         )
-        self._fastest = self._limits[2]
+        self._ends, self._fastest = self._limits[:2], self._limits[2]
         self._jerk = judge_of(description)
         self._no_velocity = np.full(description.n, np.nan)
         jump: float | None = getattr(parameters, "change_jump_rad_s", None)
@@ -382,6 +416,7 @@ class VelocityController(Controller):
         """Nothing to remember: every setpoint starts from the robot's applied reference."""
         del state, last_command
         self.forget_changes()
+        self.restart_progress()
 
     def step(self, state: State) -> Setpoint:
         """Integrate `velocity` over one period.

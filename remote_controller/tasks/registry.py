@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import Field
@@ -14,11 +15,13 @@ from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.numbers import Part, Path, Place, private
 from hoap3.remote_controller.scheduling.priority_matrix import distinct
+from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, Level, LyapunovFunction
 
 GROUP = "hoap3.tasks"
 _OURS = "hoap3.remote_controller.tasks"
+AXES = "xyz"
 BUILTIN = {
     "com": f"{_OURS}.com:ComTask",
     "frame_position": f"{_OURS}.frames.frame_position:FramePositionTask",
@@ -67,6 +70,23 @@ class LabelledTask(TaskSettings):
     def label(self) -> str:
         """The name by which people know it."""
         return self.name or self.task
+
+
+@dataclass(frozen=True)
+class FollowedTask:
+    """One task of a controller.
+
+    Attributes:
+        name: of it.
+        directions: names of the rows of its error; () where its Jacobian cannot be singular.
+        rows: which rows of the controller's stacked errors, of those that are derivatives.
+        accuracy: its errors at the last update.
+    """
+
+    name: str
+    directions: tuple[str, ...]
+    rows: slice
+    accuracy: Callable[[], Sequence[TaskError]]
 
 
 def labels_of(given: Sequence[LabelledTask]) -> list[str]:
@@ -191,3 +211,36 @@ def build_with_error(
         problem = f"has no error e, only V: there is no {level} that it wants"
         raise ConfigError(file, f"{key}.{below}", name, problem, "Give it an error, or leave it")
     return function
+
+
+def followed_task(
+    name: str,
+    settings: TaskSettings,
+    rows: slice,
+    accuracy: Callable[[], Sequence[TaskError]],
+    base: str,
+) -> FollowedTask:
+    """Return a configured task with the names of its rows, in its own axes.
+
+    Args:
+        name, rows, accuracy: as of `FollowedTask`.
+        settings: of the task.
+        base: base frame of the robot.
+    """
+    return FollowedTask(name, _directions(settings, rows.stop - rows.start, base), rows, accuracy)
+
+
+def _directions(settings: TaskSettings, rows: int, base: str) -> tuple[str, ...]:
+    kind, given = settings.task, settings.parameters
+    turns = tuple(f"rotation about {axis} of the target" for axis in AXES)
+    if kind == "frame_position":
+        return tuple(
+            f"{axis} of {given.get('reference') or base}" for axis in given.get("axes", AXES)
+        )
+    if kind == "com":
+        return tuple(f"{axis} of {given.get('frame', 'r_sole')}" for axis in AXES)
+    if kind == "frame_pose":
+        return (*(f"{axis} of the target" for axis in AXES), *turns)
+    if kind == "frame_orientation":
+        return turns
+    return () if kind == "posture" else tuple(f"row {row + 1}" for row in range(rows))

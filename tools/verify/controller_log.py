@@ -20,6 +20,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.certificate import STATIONARY
 from hoap3.tools.logs.disk_rows import DiskRows, RowsAt, parts
 from hoap3.tools.verify.tasks.live import Messages, Taken
 
@@ -100,6 +101,23 @@ class ControllerRun:
         """For each answer whether the log has all since the controller last began anew, (N,)."""
         reset, gap = (_last(places, self.answered) for places in (self.resets, self.gaps))
         return (reset >= 0) & (reset >= gap)
+
+    @cached_property
+    def names_stationary(self) -> bool:
+        """Whether the controller logs stationary tasks; those of older releases certified them."""
+        return any(
+            str(name).startswith(STATIONARY) for name in self.session.get("conditions") or ()
+        )
+
+    @property
+    def stationary(self) -> NDArray[np.bool_]:
+        """For each answer whether a task was stationary, as the controller logged it, (N,)."""
+        names = self.session.get("conditions") or ()
+        changes = np.zeros(len(self.states) + 1, np.int64)
+        for place, number, began in self.conditions:
+            if number < len(names) and str(names[number]).startswith(STATIONARY):
+                changes[place] += 1 if began else -1
+        return np.cumsum(changes)[self.answered] > 0
 
     def settings(
         self, parameters: Mapping[str, Any]

@@ -131,6 +131,7 @@ class HierarchyController(Controller):
     stands_free: ClassVar[bool] = True
     """Whether its problem can be that of a free base on soles."""
     kernels: ClassVar[tuple[str, ...]] = (
+        "hoap3.remote_controller.controllers.progress_kernels",
         "hoap3.protocol.robot.viability_bounds_kernels",
         "hoap3.remote_controller.model.frame_dynamics_kernels",
         "hoap3.remote_controller.references.approach_kernels",
@@ -152,11 +153,9 @@ class HierarchyController(Controller):
         file: str = "config",
         braking_per_s: float = 0.0,
     ) -> None:
+        from hoap3.remote_controller.tasks.accelerations import se3_pd_kernels
         from hoap3.remote_controller.tasks.accelerations import (
             task_acceleration_kernels as kernels,
-        )
-        from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
-            check_finite,
         )
 
         n, free = description.n, parameters.base == "free"
@@ -186,38 +185,34 @@ class HierarchyController(Controller):
         self.extra_names = (
             "largest_torque_share",
             *(f"error_{name}" for name in names),
-            *(
-                column
-                for i, each in self.tasks.presses.items()
-                for column in each.columns(names[i])
-            ),
+            *(c for i, each in self.tasks.presses.items() for c in each.columns(names[i])),
             *self.columns(names),
         )
         self._free = self._on_soles(description, parameters.contacts, file)
         self.arrays = {"decision": 2 * n if self._free is None else self._free.decided}
         super().__init__(description, parameters)
-        self._check_finite = check_finite  # 0 where both arrays are finite
+        self._check_finite = se3_pd_kernels.check_finite  # 0 where both arrays are finite
         self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
         self._give = kernels.give
         self._viable = parameters.bounds.kind == "viability"
         self._wish, self._scratch = np.zeros((2, n))
         self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
-        self.residual = math.inf
+        self.residual, self._idle = math.inf, False
         stack = self.stack
         self._keeps = bool(stack.constraints)
         self.lower, self.upper = self.bounds.lower, self.bounds.upper
         if self._keeps:
             self.lower, self.upper = stack.lower, stack.upper
         self.problem = self._problem() if self._free is None else self._free.problem
-        self._nearest = Tsid(self.torque_max, len(stack.rows))
-        self._stopping = Tsid(self.torque_max)
+        self._nearest, self._stopping = (
+            Tsid(self.torque_max, len(stack.rows)),
+            Tsid(self.torque_max),
+        )
         self._next_q, self._next_dq = np.zeros((2, n))
-        self._unbounded = np.full(n, np.inf)
         self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
         self._less = self.tasks.dynamics.weight if self.kind == "torque" else np.zeros(n)
-        self._answered = np.zeros((2, n))
+        self._answered, self._unbounded = np.zeros((2, n)), np.full(n, np.inf)
         self.answer_in(np.zeros(n), np.zeros(n))
-        self._idle = False
         self._errors, self._wrenches, self._counts = self._columns_of_extra()
         self._present_counts = np.zeros(self._counts.size)
         self._dt, self._begun = description.period_s, False
@@ -228,9 +223,16 @@ class HierarchyController(Controller):
         self._violated, self._violation = False, 1 << len(self.conditions)
         if self.tasks.watched:
             self.conditions = (*self.conditions, VIOLATED)
+        self._watch_progress(parameters)
         self.margin_tolerance = CURVATURE if self._keeps else MARGIN_ROUNDING
         self.certifies = self.proves and self._viable
         self.not_certified_in = MOVING | IDLE
+
+    def _watch_progress(self, parameters: Any) -> None:
+        unbounded = np.full(self.tasks.jacobian.shape[1], np.inf)
+        bounds = (self.lower, self.upper) if self._free is None else (-unbounded, unbounded)
+        tasks = self.tasks.followed(parameters.tasks, self.absent)
+        self._find = self.watch_progress(tasks, bounds, self.stack.labels).find
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Any:
@@ -281,7 +283,7 @@ class HierarchyController(Controller):
             for i in range(len(judged))
         ]
         return [
-            error
+            self.explained(error, name)
             for i, name in enumerate(self.tasks.names)
             for error in name_errors(self.tasks.errors_of(i), name, notes[i])
         ]
@@ -384,6 +386,7 @@ class HierarchyController(Controller):
         if self._free is not None:
             self._free.reset()
         self._begun, self._first, self._settled = False, state.tick, 0
+        self.restart_progress()
         self.importance.reset()
         self.importance.update(0.0)
         self._count()
@@ -579,6 +582,10 @@ class HierarchyController(Controller):
             self.present |= free.present << len(CONDITIONS)
             command.margin = min(command.margin, free.cone_margin)
             kept = free.is_sound(CERTIFIED_RESIDUAL)
+        errors, tick = (tasks.slope, tasks.jacobian, 1.0), self._first + self._settled
+        rows = self.stack.held(self.ddq) if self._keeps else 0
+        self.present |= self._find(tick, errors, v, a, rows=rows)
+        kept = kept and not self.is_stationary
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and kept and self._viable and not (touches or loaded or idle)
 

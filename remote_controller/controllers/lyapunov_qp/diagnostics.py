@@ -63,6 +63,10 @@ class Diagnostics:
             present |= self._slowed | self._holders(gradient, u)
         return present
 
+    def constraints_of(self, present: int) -> int:
+        """Return the constraints that hold V back, by bit, of the conditions of a cycle."""
+        return present // (self._bounds << 1) & ((1 << len(self._stack.labels)) - 1)
+
     def held_along(self, direction: FloatArray, most: FloatArray) -> int:
         """`slowed`, and by what: the u that goes furthest in a direction, (n,), is on its rows."""
         return self._slowed | self._holders(-direction, most)

@@ -19,6 +19,7 @@ from hoap3.remote_controller.controllers.base import (
 from hoap3.remote_controller.controllers.lyapunov_qp import settings
 from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnostics
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
+from hoap3.remote_controller.controllers.progress import is_within
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
 from hoap3.remote_controller.default_task import default_goal
@@ -68,6 +69,7 @@ class StableQpController(VelocityController):
     Parameters: ClassVar[Any] = settings.Parameters
     extra_names = ("psi", "drift", "solver_status")
     kernels = (
+        "hoap3.remote_controller.controllers.progress_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.lyapunov_qp_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.dual_newton_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.kkt_residual_kernels",
@@ -134,6 +136,16 @@ class StableQpController(VelocityController):
             self._at_start = _jacobian_of(self.function)
             fastest = self._fastest_rate(parameters)
             self.heed_servos(too_fast(description, fastest, parameters.kinematics_from))
+        bounds = self.stack.lower, self.stack.upper
+        followed = self._followed_tasks(task)
+        self._find = self.watch_progress(followed, bounds, self.stack.labels, self._ends).find
+
+    def _followed_tasks(self, task: tasks.TaskSettings) -> list[tasks.FollowedTask]:
+        """Return the task, if it has an error."""
+        rows, base = slice(0, len(self.function.error)), self.description.base_frame
+        return [tasks.followed_task(task.task, task, rows, self.function.accuracy, base)][
+            : rows.stop
+        ]
 
     def parts(self) -> list[Part]:
         """Its own settings, and those of its task and of the constraints."""
@@ -192,7 +204,8 @@ class StableQpController(VelocityController):
 
     def task_errors(self) -> list[TaskError]:
         """Errors of the task."""
-        return name_errors(self.function.accuracy(), self._task_name)
+        errors = name_errors(self.function.accuracy(), self._task_name)
+        return [self.explained(error, self._task_name) for error in errors]
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew at the next State that is finite."""
@@ -253,9 +266,13 @@ class StableQpController(VelocityController):
         if found not in HELD or self._stopping:
             found = self._brake(found)
         self._last[:] = self.u
-        self._certify(V, psi, drift, found, bool(rejected))
         share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
-        self.present = self._watch.look(found, share, function.status, gradient, self.u)
+        present = self._watch.look(found, share, function.status, gradient, self.u)
+        errors, rows = (function.error, function.jacobian, 1.0), self._watch.constraints_of(present)
+        self.present = present | self._find(
+            state.tick, errors, self.u, reference=state.reference, rows=rows
+        )
+        self._certify(V, psi, drift, found, bool(rejected))
         if slower and self._curve is not None and self._c[-1] < self._curve.speed:
             self.present |= self._watch.held_along(self._curve.motion_row, self._along.v)
         if violated:
@@ -359,8 +376,10 @@ class StableQpController(VelocityController):
             and solver.kkt_residual <= CERTIFIED_RESIDUAL
             and solver.margin >= -ROUNDING
             and margin >= -CURVATURE
+            and not self.is_stationary
         )
         arrived = psi == drift == 0.0 and solver.path == STILL and found == status.OK
+        arrived = arrived and (V == 0.0 or is_within(self.function.accuracy()))
         self.judge(solved=answered, at_target=arrived, proven=proven)
 
     def _falls(self, rate: float, required: float) -> bool:

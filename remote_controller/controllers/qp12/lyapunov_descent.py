@@ -23,6 +23,7 @@ from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS, Boun
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
 from hoap3.remote_controller.tasks.com import ComTask
 from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
+from hoap3.remote_controller.tasks.registry import AXES, FollowedTask
 
 ROUNDING = 1e-12  # of a speed relative to u_max
 
@@ -96,6 +97,10 @@ class DescentController(VelocityController):
             self._at_start = self.task.jacobian.copy()
             rate = self.fastest(parameters, self._at_start)
             self.heed_servos(too_fast(description, rate, parameters.kinematics_from))
+        directions = tuple(f"{axis} of {parameters.frame}" for axis in AXES)
+        followed = FollowedTask(self._point, directions, slice(0, len(AXES)), self._accuracy)
+        unbounded = np.full(description.n, np.inf)
+        self._find = self.watch_progress([followed], (-unbounded, unbounded), ends=self._ends).find
 
     def tune(self, parameters: Any) -> None:
         """Take u_max, β and the tolerance."""
@@ -124,17 +129,23 @@ class DescentController(VelocityController):
         command.stamp_kinematics = self.now()
         found = self.descend(command.certificate)
         optimal = command.kkt_residual <= CERTIFIED_RESIDUAL
+        errors = self.task.error, self.task.jacobian, 1.0
+        self.present = self._find(state.tick, errors, self.u, reference=state.reference)
+        within = 2.0 * command.v <= self.task.tolerance_m**2
         self.judge(
             solved=found == status.OK,
-            at_target=command.v_rate_required == command.v_rate_predicted == 0.0,
-            proven=optimal and command.margin >= self._least_margin,
+            at_target=within and command.v_rate_required == command.v_rate_predicted == 0.0,
+            proven=optimal and not self.is_stationary and command.margin >= self._least_margin,
         )
         return self.u
 
     def task_errors(self) -> list[TaskError]:
         """|e|."""
-        asked = np.ones(len(self.task.error), np.bool_)
-        return [replace(error, task=self._point) for error in self.task.accuracy(asked)]
+        errors = [replace(error, task=self._point) for error in self._accuracy()]
+        return [self.explained(error, self._point) for error in errors]
+
+    def _accuracy(self) -> list[TaskError]:
+        return self.task.accuracy(np.ones(len(self.task.error), np.bool_))
 
     def fastest(self, parameters: Any, jacobian: FloatArray) -> float:
         """The largest rate at which it corrects joints, for a Jacobian of the task [1/s]."""

@@ -11,7 +11,8 @@ import numpy as np
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.controllers.base import VIOLATED, VelocityController
+from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, VelocityController
+from hoap3.remote_controller.controllers.progress import is_within
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
     LabelledTaskParameters,
 )
@@ -48,6 +49,7 @@ class LabelledTasksController(VelocityController):
 
     own_conditions: tuple[str, ...] = ("state not finite",)
     kernels: ClassVar[tuple[str, ...]] = (
+        "hoap3.remote_controller.controllers.progress_kernels",
         "hoap3.remote_controller.references.approach_kernels",
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.curve_following.curve_kernels",
@@ -96,8 +98,17 @@ class LabelledTasksController(VelocityController):
         self._violation = 1 << len(self.conditions)
         if self._watched:
             self.conditions = (*self.conditions, VIOLATED)
+        followed = [self._followed_task(place) for place in range(len(given))]
+        self._find = self.watch_progress(followed, (self.lower, self.upper)).find
         self._begun, self._periods_seen, self._followed = False, 0, -1
         self.margin_tolerance = MARGIN_ROUNDING
+
+    def _followed_task(self, place: int) -> tasks.FollowedTask:
+        """Return the rows of a task that are those of its error, and their names."""
+        entry, function = self._entries[place], self.functions[place]
+        first = int(self.offsets[place])
+        rows, base = slice(first, first + len(function.error)), self.description.base_frame
+        return tasks.followed_task(entry.label, entry, rows, function.accuracy, base)
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -152,7 +163,7 @@ class LabelledTasksController(VelocityController):
     def task_errors(self) -> list[TaskError]:
         """Errors of all tasks; those of lower priority are not judged."""
         return [
-            error
+            self.explained(error, label)
             for label, function, judged in zip(
                 self.labels, self.functions, self.judged(), strict=True
             )
@@ -194,7 +205,23 @@ class LabelledTasksController(VelocityController):
         violated = self._violation if self._watch(state, base, now) else 0
         noted = self._look(now) | violated
         self.answer(state, base, now, noted)
+        errors = self.errors, self.jacobian, -1.0
+        self.present |= self._find(state.tick, errors, self.u)
+        self._doubt()
         return self.u
+
+    def _doubt(self) -> None:
+        """Take back a proof that says too much: of a stationary task, or one not at its target."""
+        command = self.command
+        arrived = command.solver_status == STATUS["at_target"]
+        if arrived or command.solver_status == STATUS["certified"]:
+            far = arrived and not all(
+                is_within(function.accuracy())
+                for function, judged in zip(self.functions, self.judged(), strict=True)
+                if judged
+            )
+            if far or self.is_stationary:
+                command.solver_status = STATUS["uncertified"]
 
     def _follow(self, state: State) -> None:
         """Bound the velocities by where the reference is, and how it has moved since."""

@@ -40,6 +40,7 @@ from hoap3.remote_controller.tasks.accelerations.wrench import (
     WrenchTask,
 )
 from hoap3.remote_controller.tasks.accuracy import (
+    TOLERANCE_M,
     TaskError,
     angle_error,
     joint_errors,
@@ -51,13 +52,17 @@ from hoap3.remote_controller.tasks.frames.frame_position import AXES, FramePosit
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.posture import PostureTask, places_of, positions_of
 from hoap3.remote_controller.tasks.registry import (
+    FollowedTask,
+    TaskSettings,
     build_with_error,
     check_parameters,
     find,
+    followed_task,
     labels_of,
 )
 
 SENSOR = POSE  # rows
+NO_ERROR = TaskError(0.0, "m", TOLERANCE_M)  # of a task that takes no part
 FIXED = frozenset({"weights"})  # of tasks that the kernel knows: these have none
 
 
@@ -273,6 +278,22 @@ class AccelerationTasks:
         """
         self.kinematics.update(q)
         return max(each.watch(self.kinematics, tick, time_s) for each in self._watched)
+
+    def followed(self, settings: Sequence[TaskSettings], absent: FloatArray) -> list[FollowedTask]:
+        """Return the tasks without a wrench, each with the rows that are those of its error.
+
+        Args:
+            settings: of the tasks.
+            absent: how far each is out, (k,), changed in place; one that is has no error.
+        """
+
+        def of(i: int, each: TaskSettings) -> FollowedTask:
+            size = len(self._functions[i].error) if i in self._functions else self.sizes[i]
+            rows, none = slice(int(self.rows[i].start), int(self.rows[i].start) + size), [NO_ERROR]
+            accuracy = lambda: none if absent[i] >= 1.0 else self.errors_of(i)  # noqa: E731
+            return followed_task(self.names[i], each, rows, accuracy, self._robot.base_frame)
+
+        return [of(i, each) for i, each in enumerate(settings) if i not in self.presses]
 
     def errors_of(self, i: int) -> list[TaskError]:
         """Errors of task i at the last `update`, each with its tolerance."""

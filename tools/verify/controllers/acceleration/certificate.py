@@ -169,7 +169,7 @@ def check_proof(
     may = solved & ~cycles.moved & ~cycles.touches & tops.any(1) & (stated <= OPTIMAL)
     may &= solution.proves and hierarchy.bounds.kind == "viability"
     near = np.abs(load - 1.0) <= ROUNDING * np.maximum(load, 1.0)
-    may &= (load <= 1.0) | (near & proven)
+    may &= ((load <= 1.0) | (near & proven)) & ~run.stationary
     status = np.where(may, STATUS["STATUS_CERTIFIED"], STATUS["STATUS_UNCERTIFIED"])
     status[~solved] = INFEASIBLE
     claims.equal("status", tick, answers["solver_status"], status, 0.0)
