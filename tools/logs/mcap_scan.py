@@ -209,7 +209,8 @@ class McapScan:
         Each chunk is to be used before the next part is asked for.
         """
         if self._sorted is not None:
-            yield from (*self._sorted.parts(), *self.damages)
+            yield from self._sorted.parts()
+            yield from self.damages
             return
         with open_regular(self.path) as stream:
             for part in self._parts:
@@ -385,10 +386,8 @@ class McapScan:
             elif opcode in {Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX} and length >= 8:
                 others.add(struct.unpack_from("<Q", summary, at)[0])
             at += length
-        return tuple(
-            sorted(place for place in found if len(MAGIC) <= place <= start)
-            for found in (chunks, chunks | others)
-        )
+        all_of_it = [place for place in chunks | others if len(MAGIC) <= place <= start]
+        return sorted(chunks.intersection(all_of_it)), sorted(all_of_it)
 
     def _next(self, stream: IO[bytes]) -> str:
         """Take the record at `end`; what is wrong with it, or ""."""
@@ -458,7 +457,7 @@ class McapScan:
         )
         place, first = self._first.setdefault((type(record), record.id), (start, record))
         if first != record and self._data_end is not None:
-            builder = RecordBuilder()
+            builder: Any = RecordBuilder()
             record.write(builder)
             self._copies[place - _RECORD.size] = builder.end()
         if not self._unsummed or record.id not in group:
@@ -573,7 +572,8 @@ def _unpacked(data: bytes, chunk: _Chunk) -> bytes:
             raise ValueError("another size")
         return zstandard.ZstdDecompressor().decompress(data, max_output_size=chunk.unpacked)
     if chunk.compression == b"lz4":
-        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=chunk.unpacked)
+        lz4_frame = lz4.frame.LZ4FrameDecompressor()
+        return bytes(lz4_frame.decompress(data, max_length=chunk.unpacked))
     if chunk.compression:
         raise ValueError("a compression that is not known")
     return data

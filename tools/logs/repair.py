@@ -249,7 +249,8 @@ def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
     for name, data in scan.attachments.items():
         file.add(Attachment(created, logged, name, "application/octet-stream", data))
     known = topics(log.robot)  # instead of what is damaged
-    for place, each in enumerate((scan.schemas, scan.channels)):
-        ours = {number: pair[place] for number, pair in known.items()}
-        for record in (ours | ({} if scan.ids else each)).values():
-            file.add(record)
+    schemas, channels = ({n: pair[i] for n, pair in known.items()} for i in (0, 1))
+    if not scan.ids:
+        schemas, channels = schemas | scan.schemas, channels | scan.channels
+    for record in (*schemas.values(), *channels.values()):
+        file.add(record)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from hashlib import blake2b
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, DescriptionError, LogError, WireError
+from hoap3.protocol.errors import ConfigError, LogError, WireError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.wire_versions import OLDEST, downgraded
@@ -49,34 +49,32 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         claims.unverified("description in both logs", 1, str(error))
 
 
-def check_enclosed(logs: Iterable[Log], claims: Claims) -> None:
-    """What logs enclose is what their records say, and what the other side says of it."""
-    for name, same in enclosed_alike(logs).items():
-        claims.equal(name, 0, float(same), 1.0)
-
-
 def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
     """Whether descriptions and configs agree with the records of these logs, by what was compared.
 
     Args:
         logs: of one run, one a side.
     """
-    alike, found = {}, {log.side: (log, _told(log)) for log in logs}
-    for side, (log, told) in found.items():
-        enclosed = log.attachments.get("description.json", b"")
+    alike, found = {}, [(log, _told(log)) for log in logs]
+    for log, told in found:
+        theirs = [other for _, other in found if other is not told]
         described = told[Kind.DESCRIPTION][-1:]
         if described:
-            same = described == [enclosed] and _urdf(enclosed) == log.attachments.get("robot.urdf")
-            alike[f"description of the {side}"] = same
-        others = [told for other, (_, told) in found.items() if other != side]
-        configs = [body for told in others for body in told[Kind.CONFIG]]
-        if configs:
-            alike[f"config of the {side}"] = _config(log) in [_settings(each) for each in configs]
-        for theirs in others:
-            if described and theirs[Kind.DESCRIPTION] and _sessions(told) & _sessions(theirs):
-                known = theirs[Kind.DESCRIPTION]
-                if not any(each.wire_version == OLDEST for each, _ in found.values()):
-                    alike["description of both"] = described[0] in known
+            urdf = _or_none(lambda log=log: log.description.urdf.encode())
+            same = described == [log.attachments.get("description.json")]
+            same &= urdf is not None and urdf == log.attachments.get("robot.urdf")
+            alike[f"description of the {log.side}"] = same
+        known = [json.loads(json.loads(body)["config"]) for o in theirs for body in o[Kind.CONFIG]]
+        if known:
+            config = _or_none(lambda log=log: parse_yaml(log.config, "config.yaml"))
+            alike[f"config of the {log.side}"] = config in known
+        for other in theirs:
+            ours, shared = (
+                {json.loads(body)["session_id"] for body in t[Kind.SESSION]} for t in (told, other)
+            )
+            old = OLDEST in {each.wire_version for each, _ in found}
+            if described and other[Kind.DESCRIPTION] and ours & shared and not old:
+                alike["description of both"] = described[0] in other[Kind.DESCRIPTION]
     return alike
 
 
@@ -89,25 +87,11 @@ def _told(log: Log) -> dict[Kind, list[bytes]]:
     return found
 
 
-def _sessions(told: dict[Kind, list[bytes]]) -> set[int]:
-    return {json.loads(body)["session_id"] for body in told[Kind.SESSION]}
-
-
-def _settings(body: bytes) -> object:
-    return json.loads(json.loads(body)["config"])
-
-
-def _config(log: Log) -> object:
+def _or_none(read: Callable[[], object]) -> object:
+    """What is read, or None where it is not valid."""
     try:
-        return parse_yaml(log.config, "config.yaml")
+        return read()
     except (ConfigError, LogError):
-        return None
-
-
-def _urdf(description: bytes) -> bytes | None:
-    try:
-        return RobotDescription.from_json(description).urdf.encode()
-    except DescriptionError:
         return None
 
 

@@ -1,0 +1,53 @@
+"""Replay, verify, report and timing of a run that another MCAP tool has written again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.command_bench import inside
+from support.rewritten_log import WAYS, rewritten
+
+from hoap3.tools.latency.latency import analyse_log
+from hoap3.tools.replay import replay
+from hoap3.tools.report.content import read_content
+from hoap3.tools.verify.verify import verify
+
+FAST = {"lz4", "shuffled"}
+SIDES = ("robot", "controller")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run") / "log"
+    words = ("run", "--lockstep", "--robot", "ur5", "--duration", "0.2", "--out", folder)
+    assert inside(*words).code in {0, 1}
+    return folder
+
+
+def said(folder: Path) -> dict[str, Any]:
+    """All that is said of a run, but where it lies."""
+    report, latency = read_content(folder).as_json(), analyse_log(folder)
+    found = {
+        "replay": replay(folder, []).as_json(),
+        "verify": verify(folder).as_json(),
+        "report": report,
+        "latency": latency,
+    }
+    for each in found.values():
+        each.pop("log", None)
+    return found
+
+
+@pytest.mark.parametrize(
+    "way",
+    [way if way in FAST else pytest.param(way, marks=pytest.mark.slow) for way in WAYS],
+)
+def test_a_rewritten_run_says_the_same(run: Path, tmp_path: Path, way: str) -> None:
+    for side in SIDES:
+        rewritten(tmp_path / f"{side}.mcap", run / f"{side}.mcap", **WAYS[way])
+    expected, found = said(run), said(tmp_path)
+    assert found["replay"]["identical"]
+    assert found["verify"]["verdict"] == "true"
+    assert found == expected
