@@ -258,7 +258,7 @@ class Controller(ABC):
         return self.progress is not None and bool(self.present & self.progress.stationary)
 
     def explained(self, error: TaskError, task: str) -> TaskError:
-        """Return an error of a task, by its name, with the reason why it does not fall where that is known."""
+        """Return an error of the named task, with the reason why it does not fall if known."""
         if self.progress is None:
             return error
         return replace(error, reason=self.progress.reason_of(error, task))
