@@ -38,14 +38,13 @@ def main() -> int:
         old, new = Revision(given.against, tree, python), Revision("current", HERE, sys.executable)
         work = Path(given.keep or scratch).resolve()
         started = time.monotonic()
+        pool = ThreadPoolExecutor(given.jobs)
         try:
             make_logs(cases, old, work / "logs")
-            with ThreadPoolExecutor(given.jobs) as pool:
-                results = pool.map(lambda case: compare_case(case, old, new, work), cases)
-                found = [
-                    show(case, result, ledger) for case, result in zip(cases, results, strict=True)
-                ]
+            results = pool.map(lambda case: compare_case(case, old, new, work), cases)
+            found = [show(case, each, ledger) for case, each in zip(cases, results, strict=True)]
         finally:
+            pool.shutdown(cancel_futures=True)
             shutil.rmtree(runtime_directory(), ignore_errors=True)
     return summarise(found, ledger, len(cases), time.monotonic() - started)
 

@@ -10,6 +10,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from mcap.exceptions import McapError
+
 from .cases import Case, Step
 from .difference import Difference
 from .json_tree import compare_json
@@ -97,10 +99,15 @@ def _compare_files(old: tuple[Path, Path], new: tuple[Path, Path]) -> Iterator[D
         one, other = old[0] / name, new[0] / name
         if not one.exists() or not other.exists():
             yield Difference(f"{name}:file", "removed" if one.exists() else "added")
-        elif name.endswith(".json"):
-            yield from compare_json(read_json(one, *old), read_json(other, *new), f"{name}:")
-        else:
-            yield from COMPARED[one.suffix](one, other, f"{name}:")
+            continue
+        try:
+            if name.endswith(".json"):
+                found = compare_json(read_json(one, *old), read_json(other, *new), f"{name}:")
+            else:
+                found = COMPARED[one.suffix](one, other, f"{name}:")
+            yield from list(found)
+        except (OSError, ValueError, McapError) as error:
+            yield Difference(f"{name}:file", "changed", "", f"cannot be read: {error}")
 
 
 COMPARED: dict[str, Callable[[Path, Path, str], Iterator[Difference]]] = {

@@ -214,6 +214,16 @@ def test_elapsed_time_and_paths_are_ignored_but_not_that_a_key_is_gone(tmp_path)
     }
 
 
+def test_a_log_that_cannot_be_read_is_a_difference(log, tmp_path):
+    sides = [(tmp_path / name, tmp_path) for name in ("old", "new")]
+    for folder, _ in sides:
+        folder.mkdir()
+        shutil.copy(log, folder / "robot.mcap")
+    (tmp_path / "new" / "robot.mcap").write_bytes(b"")
+    (found,) = compare_folders(Case("a/b", ()), *sides)
+    assert found.field == "robot.mcap:file"
+
+
 def test_damage_is_the_same_each_time(log, tmp_path):
     copies = [Path(shutil.copy(log, tmp_path / f"{i}.mcap")) for i in range(2)]
     for copy in copies:
