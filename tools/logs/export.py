@@ -12,19 +12,19 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.errors import LogError, NotInstalledError, UsageError
 from hoap3.protocol.messages import Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.atomic_write import whole_file
 from hoap3.tools.logs.disk_rows import parts
 from hoap3.tools.logs.log import Log
-from hoap3.tools.machine.extras import check_parquet
 
 PER_JOINT = {"q", "dq", "tau", "reference", "values"}
 
@@ -84,8 +84,8 @@ def export(path: Path, to: Path, side: str = "robot", say: Say = lambda _: None)
     writers = {".csv": export_csv, ".parquet": export_parquet, ".npz": export_npz}
     if to.suffix not in writers:
         raise UsageError(f"{to}: cannot tell the format. End the name in .csv, .parquet or .npz")
-    if to.suffix == ".parquet":
-        check_parquet()
+    if to.suffix == ".parquet" and find_spec("pyarrow") is None:
+        raise NotInstalledError("package", "pyarrow", "'hoap3[parquet]'")
     say("reading the log")
     log = Log.open(path, side if path.is_dir() else None)
     arrays = to.suffix == ".npz"

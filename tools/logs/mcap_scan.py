@@ -37,7 +37,13 @@ from mcap.opcode import Opcode
 from hoap3.protocol.config.regular_file import open_regular
 from hoap3.protocol.errors import LogError
 from hoap3.tools.logs.disk_rows import LogMessage, SortedRows
-from hoap3.tools.logs.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD, pack_index
+from hoap3.tools.logs.mcap_write import (
+    MAGIC,
+    MESSAGE_FIELDS,
+    MESSAGE_HEAD,
+    crc_before,
+    pack_index,
+)
 
 MAX_CHUNK = 1 << 26  # bytes that a chunk may unpack to; ours have 1 MiB and a record more
 MAX_RECORD = 1 << 24  # bytes of an attachment, or of anything else that is kept in memory
@@ -48,7 +54,6 @@ SLACK_MESSAGES = 1 << 16  # beyond that
 LATEST = (1 << 63) - 1  # time [ns] of a message: what int64 holds
 LOOSE = b"\0loose"  # instead of a compression: messages that lie in no chunk
 LOOSE_BYTES = 1 << 20  # of them that are read together
-BLOCK = 1 << 20  # bytes of a file that are summed up together
 FINAL_FIELDS = 20  # bytes of a footer
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI8s")  # with the mark behind it
@@ -291,12 +296,12 @@ class McapScan:
         end, crc = self._data_end
         if self.damages or self.doubts or not crc:
             return
-        if _crc(stream, end, {}) == crc:
+        if crc_before(stream, end, {}) == crc:
             if self._skipped and not self.rebuilt:
                 self.rebuilt.append("the record that ends its data section")
             return
         patches = self.patches(stream)
-        if _crc(stream, end, {start: data for start, (data, _) in patches.items()}) == crc:
+        if crc_before(stream, end, {start: data for start, (data, _) in patches.items()}) == crc:
             self.rebuilt += described(patches)
         else:
             self.doubts.append(
@@ -577,21 +582,6 @@ def _unpacked(data: bytes, chunk: _Chunk) -> bytes:
     if chunk.compression:
         raise ValueError("a compression that is not known")
     return data
-
-
-def _crc(stream: IO[bytes], end: int, patches: dict[int, bytes]) -> int:
-    """Of the bytes before `end`, with others at some places."""
-    crc = at = 0
-    stream.seek(0)
-    for start, data in [*sorted(patches.items()), (end, b"")]:
-        while at < start:
-            block = stream.read(min(start - at, BLOCK))
-            if not block:
-                return -1
-            crc, at = zlib.crc32(block, crc), at + len(block)
-        crc, at = zlib.crc32(data, crc), at + len(data)
-        stream.seek(at)
-    return crc
 
 
 def _read_chunk(start: int, length: int, stream: IO[bytes]) -> _Chunk:

@@ -249,7 +249,8 @@ def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
     for name, data in scan.attachments.items():
         file.add(Attachment(created, logged, name, "application/octet-stream", data))
     known = topics(log.robot)  # instead of what is damaged
-    schemas, channels = ({n: pair[i] for n, pair in known.items()} for i in (0, 1))
+    schemas = {number: schema for number, (schema, _) in known.items()}
+    channels = {number: channel for number, (_, channel) in known.items()}
     if not scan.ids:
         schemas, channels = schemas | scan.schemas, channels | scan.channels
     for record in (*schemas.values(), *channels.values()):

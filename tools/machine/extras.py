@@ -46,13 +46,3 @@ def check_prover() -> None:
     """
     if find_spec("z3") is None:
         raise NotInstalledError("package", "z3", "'hoap3[prove]'")
-
-
-def check_parquet() -> None:
-    """Refuse to write Parquet where the package for it is missing.
-
-    Raises:
-        NotInstalledError: pyarrow is not installed.
-    """
-    if find_spec("pyarrow") is None:
-        raise NotInstalledError("package", "pyarrow", "'hoap3[parquet]'")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from hashlib import blake2b
 
 import numpy as np
@@ -56,25 +56,25 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
         logs: of one run, one a side.
     """
     alike, found = {}, [(log, _told(log)) for log in logs]
+    old = OLDEST in {log.wire_version for log, _ in found}
     for log, told in found:
-        theirs = [other for _, other in found if other is not told]
         described = told[Kind.DESCRIPTION][-1:]
         if described:
-            urdf = _or_none(lambda log=log: log.description.urdf.encode())
             same = described == [log.attachments.get("description.json")]
-            same &= urdf is not None and urdf == log.attachments.get("robot.urdf")
+            same &= log.attachments.get("robot.urdf", b"").decode(errors="replace") == _urdf(log)
             alike[f"description of the {log.side}"] = same
-        known = [json.loads(json.loads(body)["config"]) for o in theirs for body in o[Kind.CONFIG]]
-        if known:
-            config = _or_none(lambda log=log: parse_yaml(log.config, "config.yaml"))
-            alike[f"config of the {log.side}"] = config in known
-        for other in theirs:
-            ours, shared = (
-                {json.loads(body)["session_id"] for body in t[Kind.SESSION]} for t in (told, other)
+        for _, theirs in found:
+            ours, others = (
+                {json.loads(body)["session_id"] for body in each[Kind.SESSION]}
+                for each in (told, theirs)
             )
-            old = OLDEST in {each.wire_version for each, _ in found}
-            if described and other[Kind.DESCRIPTION] and ours & shared and not old:
-                alike["description of both"] = described[0] in other[Kind.DESCRIPTION]
+            if theirs is told or not ours & others:
+                continue
+            known = [json.loads(json.loads(body)["config"]) for body in theirs[Kind.CONFIG]]
+            if known:
+                alike[f"config of the {log.side}"] = _settings(log) in known
+            if described and theirs[Kind.DESCRIPTION] and not old:
+                alike["description of both"] = described[0] in theirs[Kind.DESCRIPTION]
     return alike
 
 
@@ -87,11 +87,17 @@ def _told(log: Log) -> dict[Kind, list[bytes]]:
     return found
 
 
-def _or_none(read: Callable[[], object]) -> object:
-    """What is read, or None where it is not valid."""
+def _settings(log: Log) -> object:
     try:
-        return read()
+        return parse_yaml(log.config, "config.yaml")
     except (ConfigError, LogError):
+        return None
+
+
+def _urdf(log: Log) -> str | None:
+    try:
+        return log.description.urdf
+    except LogError:
         return None
 
 

@@ -19,7 +19,6 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.export import export, export_csv, export_npz
 from hoap3.tools.logs.log import Log
-from hoap3.tools.machine import extras
 
 JOINTS = 3
 
@@ -254,7 +253,7 @@ def test_without_pyarrow_the_remedy_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path, ticks(1, 5))
-    monkeypatch.setattr(extras, "find_spec", lambda _: None)
+    monkeypatch.setattr("hoap3.tools.logs.export.find_spec", lambda _: None)
     with pytest.raises(NotInstalledError, match=r"hoap3\[parquet\]"):
         export(tmp_path, tmp_path / "a.parquet")
     assert not (tmp_path / "a.parquet").exists()

@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from support.log_samples import describe, inputs, ticks, write
-from support.rewritten_log import WAYS, rewritten
+from support.logs.rewritten_log import WAYS, rewritten
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from support.command_bench import inside
-from support.rewritten_log import WAYS, rewritten
+from support.logs.rewritten_log import WAYS, rewritten
 
 from hoap3.tools.latency.latency import analyse_log
 from hoap3.tools.replay import replay
