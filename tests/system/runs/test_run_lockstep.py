@@ -242,9 +242,11 @@ def test_nothing_is_claimed_beyond_a_gap(first: Done, folder: Path, tmp_path: Pa
         if not 200 <= tick < 205:
             kept.append(record)
     report = inside("replay", rewritten(folder, tmp_path / "copy.mcap", kept))
-    assert report.code == 0
+    assert report.code == 1
     assert "200/200 setpoints identical" in report.stdout
     assert "not verifiable beyond tick 199" in report.stdout
+    left = sum(record.kind == Kind.SETPOINT for record in kept) - 200
+    assert f"{left} setpoints were not compared" in report.stdout
 
 
 @pytest.mark.parametrize(
