@@ -10,8 +10,8 @@ from typing import Any
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.balance import balance_of
-from hoap3.remote_controller.certificate import PROVED, checked_status
 from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.controllers.certificate import PROVED, checked_status
 
 EVERY = 10
 """One of so many answered States is looked at for balance."""

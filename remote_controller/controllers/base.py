@@ -16,7 +16,7 @@ from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State
-from hoap3.remote_controller import certificate
+from hoap3.remote_controller.controllers import certificate
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
 from hoap3.remote_controller.controllers.progress import Progress

@@ -9,7 +9,7 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.certificate import STATIONARY
+from hoap3.remote_controller.controllers.certificate import STATIONARY
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.registry import FollowedTask
 

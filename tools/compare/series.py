@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint
-from hoap3.remote_controller.certificate import checked_statuses
 from hoap3.remote_controller.controllers.base import ACTIVE_SPEED, STATUS
+from hoap3.remote_controller.controllers.certificate import checked_statuses
 from hoap3.tools.compare.answers import Answers, Rows
 from hoap3.tools.report.motion import UNITS, control_inputs, point_path
 

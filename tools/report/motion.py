@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import FloatArray, Setpoint, State
-from hoap3.remote_controller.certificate import PROVED, checked_statuses
+from hoap3.remote_controller.controllers.certificate import PROVED, checked_statuses
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.logs.log import Log

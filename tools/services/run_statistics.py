@@ -13,7 +13,7 @@ from hoap3.protocol.messages import COMMANDS, Setpoint, State
 from hoap3.protocol.runtime.deadline_verdict import FAIL, judge_deadlines, unknown_deadlines
 from hoap3.protocol.runtime.deadlines import Durations, Jitter
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.remote_controller.certificate import checked_status
+from hoap3.remote_controller.controllers.certificate import checked_status
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
 from hoap3.tools.show.body_findings import body_of

@@ -11,7 +11,7 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.remote_controller import certificate
+from hoap3.remote_controller.controllers import certificate
 from hoap3.tools.show.event_words import named
 
 STATUS = certificate.STATUS

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import schema
-from hoap3.remote_controller.certificate import PROVED, checked_statuses
+from hoap3.remote_controller.controllers.certificate import PROVED, checked_statuses
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 
