@@ -47,13 +47,11 @@ class Request:
 
 
 class RobotLink(Protocol):
-    """The robot's side.
+    """The robot's side."""
 
-    Attributes:
-        name_conflicts: how many other robots on the network use the robot's name.
-    """
-
-    name_conflicts: int
+    @property
+    def name_conflicts(self) -> int:
+        """How many other robots on the network use the robot's name."""
 
     def publish(self, state: bytes) -> None:
         """Send a State to whoever listens; never waits for them."""

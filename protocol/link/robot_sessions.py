@@ -40,7 +40,7 @@ class RobotSession(NamedTuple):
         if len(text) > LONGEST_TOKEN or len(words) != len(cls._fields):
             return None
         try:
-            return cls(*map(int, words[:3]), *words[3:])
+            return cls(int(words[0]), int(words[1]), int(words[2]), words[3], words[4])
         except ValueError:
             return None
 

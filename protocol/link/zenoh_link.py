@@ -138,7 +138,7 @@ class ZenohRobotLink:
         self._receiver.start()
 
     @property
-    def name_conflicts(self) -> int:  # type: ignore[override]
+    def name_conflicts(self) -> int:
         """How many other robots on the network use the robot's name."""
         return self._name.conflicts
 

@@ -25,6 +25,7 @@ from hoap3.protocol.errors import (
     UrdfWarning,
     UsageError,
 )
+from hoap3.tools.cli.answers import place_of, tell
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
@@ -57,7 +58,6 @@ from hoap3.tools.cli.verify import prove, verify
 from hoap3.tools.cli.viewers.bridge import bridge_app
 from hoap3.tools.cli.viewers.view import view
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
-from hoap3.tools.machine.terminal import one_line
 from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
@@ -240,7 +240,7 @@ def list_all(
         for kind, names in found.items():
             print_line(f"{kind}: {', '.join(names) or 'none'}")
         for each in sessions:
-            print_line(f"  {each['robot']}: {_place(each)}")
+            print_line(f"  {each['robot']}: {place_of(each)}")
     if silent:
         print_note(f"robots of the network are not listed: {silent}")
     if silent and (connect is not None or secure is not None):
@@ -255,7 +255,7 @@ def stop(
     as_json: AsJson = False,
 ) -> None:
     """Bring a running robot to rest; it stays there until `recover`."""
-    _tell(robot, "stop", reached(connect, secure), as_json)
+    tell(robot, "stop", reached(connect, secure), as_json)
 
 
 @app.command()
@@ -266,7 +266,7 @@ def recover(
     as_json: AsJson = False,
 ) -> None:
     """Let a stopped robot follow its controller again."""
-    _tell(robot, "recover", reached(connect, secure), as_json)
+    tell(robot, "recover", reached(connect, secure), as_json)
 
 
 @app.command()
@@ -277,7 +277,7 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Say what a running robot does, and whom it follows."""
-    _tell(robot, "status", reached(connect, secure), as_json)
+    tell(robot, "status", reached(connect, secure), as_json)
 
 
 @app.command()
@@ -497,78 +497,6 @@ def _mend(path: Path, as_json: bool) -> None:
         raise LogError("; ".join(wrong))
     if any(report.doubts for report in reports):
         raise typer.Exit(1)
-
-
-def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
-    from hoap3.tools.services.find_robot import ask_robots
-
-    answers, failures = ask_robots(robot, verb, connect)
-    several = len(answers) + len(failures) > 1
-    if verb == "status":
-        answers = [
-            {**answer, "tasks": None if several else _tasks(answer, connect)} for answer in answers
-        ]
-    if as_json:
-        print_json({"robots": answers} if several else answers[0])
-    else:
-        for answer in answers:
-            _show_answer(answer, connect, place=several or verb == "status")
-    name = answers[0]["robot"]
-    failed = answers[0].get("recovered") is False
-    if failed:
-        mode = answers[0]["mode"]
-        to_people(f"error: {name} is {mode}: only a stopped robot can be recovered")
-    if several:
-        to_people(
-            f"{len(answers) + len(failures)} robots are called {name!r}. Start all but one under "
-            "other names: --set name=NAME"
-        )
-    for failure in failures:
-        to_people(f"error: {failure}")
-    if failed or failures:
-        raise typer.Exit(1)
-
-
-def _show_answer(answer: dict[str, Any], connect: str | None, *, place: bool) -> None:
-    from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
-
-    if answer.get("recovered") is False:
-        return
-    name = answer["robot"]
-    words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
-    if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
-        words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
-    print_line(words)
-    if place:
-        print_line(f"  at {_place(answer)}")
-    if answer["name_conflicts"]:
-        print_line(f"  name conflict: other robots with its name: {answer['name_conflicts']}")
-    for task in answer.get("tasks") or ():
-        if task.get("reason"):
-            label = one_line(str(task.get("task", "")))
-            print_line(f"  task {label} has failed: {one_line(str(task['reason']))}")
-
-
-def _place(answer: dict[str, Any]) -> str:
-    """Endpoint, process and session of a robot, as far as they are known."""
-    host = f" on {answer['host']}" if answer.get("host") else ""
-    process = f", process {answer['pid']}{host}" if answer["pid"] is not None else ""
-    return one_line(
-        f"{answer['endpoint'] or 'no endpoint'}{process}, session {answer['session_id']}"
-    )
-
-
-def _tasks(answer: dict[str, Any], connect: str | None) -> list[dict[str, Any]] | None:
-    """How the tasks of the controller stand that moves a robot; None where nobody tells."""
-    from hoap3.tools.services.client import task_errors
-    from hoap3.tools.services.find_robot import reach_robot
-
-    if answer["mode"] != "active" or answer["lockstep"]:
-        return None
-    try:
-        return task_errors(*reach_robot(answer["robot"], connect))
-    except Hoap3Error:  # Zenoh does not reach it
-        return None
 
 
 def _show_warning(

@@ -47,6 +47,7 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.wire_versions import downgraded, upgraded
 
 HERE = Path(__file__).parent
+VANISHING = HERE.parents[1] / "support" / "attacks" / "vanishing_client.py"
 LISTENER = """
 import sys, zenoh
 from hoap3.protocol.config.settings import LinkSettings
@@ -344,7 +345,7 @@ def test_a_client_that_is_killed_is_gone(network):
     endpoint = free_endpoint()
     robot = network.robot(listen=(endpoint,))
     child = subprocess.Popen(
-        [sys.executable, str(HERE / "vanishing_client.py"), endpoint, "arm", "victim"],
+        [sys.executable, str(VANISHING), endpoint, "arm", "victim"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(HERE.parent.parent)},
