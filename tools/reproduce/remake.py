@@ -7,7 +7,7 @@ import importlib
 import json
 import pkgutil
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from hoap3.protocol.errors import UnknownNameError
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.reproduce import papers as shelf
 from hoap3.tools.reproduce.figures import Figure, save
-from hoap3.tools.reproduce.rows import Row
+from hoap3.tools.reproduce.rows import Row, count
 from hoap3.tools.show.result_folder import make_folder, new_name, unwritable
 
 RESULT = "rows.json"
@@ -40,9 +40,15 @@ class Reproduction:
         """Whether no row fails."""
         return all(row.passed is not False for row in self.rows)
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows of each class, and how many fail."""
+        return count(self.rows)
+
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
         return {
+            "counts": self.counts,
             "rows": [row.as_json() for row in self.rows],
             "machine": self.machine,
             "files": [str(path) for path in self.files],
@@ -92,8 +98,7 @@ def reproduce(
 
 def _write_rows(rows: list[Row], path: Path) -> Path:
     with path.open("w", newline="", encoding="utf-8") as stream:
-        names = [field.name for field in fields(Row)]
-        writer = csv.DictWriter(stream, [*names, "pass"])
+        writer = csv.DictWriter(stream, [*rows[0].as_json()])
         writer.writeheader()
         writer.writerows(row.as_json() for row in rows)
     return path

@@ -6,34 +6,43 @@ from rich.markup import escape
 from rich.table import Table
 
 from hoap3.tools.reproduce.remake import Reproduction
-from hoap3.tools.reproduce.rows import Row
+from hoap3.tools.reproduce.rows import CONFIRMED, MEASURED, NOT_REPRODUCED, REPRODUCED, Row
 from hoap3.tools.show.output import results
 
-_MARKS = {True: "[green]pass[/green]", False: "[red]FAIL[/red]", None: "[dim]–[/dim]"}
+_MARKS = {
+    REPRODUCED: "[green]reproduced[/green]",
+    NOT_REPRODUCED: "[yellow]not reproduced[/yellow]",
+    CONFIRMED: "[green]confirmed[/green]",
+    MEASURED: "[dim]measured[/dim]",
+}
 
 
 def show_rows(made: Reproduction) -> None:
-    """Print rows, their reasons as notes, and a summary on standard output."""
-    reasons = list(dict.fromkeys(row.why for row in made.rows))
+    """Print rows, their reasons as notes, and the counts of each class on standard output."""
+    reasons = list(dict.fromkeys(row.note for row in made.rows))
     table = Table(box=None, pad_edge=False)
-    for name in ("item", "paper", "ours", "expected", "", "note"):
-        table.add_column(name, justify="left" if name in {"item", ""} else "right")
+    for name in ("item", "paper", "ours", "expected", "class", "note"):
+        table.add_column(name, justify="left" if name in {"item", "class"} else "right")
     for row in made.rows:
         ours = f"{row.ours:.4g} {row.unit}".strip()
         said = (row.item, _said(row.paper), ours, _expected(row))
-        note = str(1 + reasons.index(row.why))
-        table.add_row(*map(escape, said), _MARKS[row.passed], note)
+        note = str(1 + reasons.index(row.note))
+        mark = "[red]FAIL[/red]" if row.passed is False else _MARKS[row.kind]
+        table.add_row(*map(escape, said), mark + (", fitted" if row.fitted else ""), note)
     results.print(table)
     for number, reason in enumerate(reasons, 1):
         results.print(f"{number:3}  {reason}", style="dim", markup=False, soft_wrap=True)
-    judged = [row for row in made.rows if row.passed is not None]
-    failed = [row for row in judged if not row.passed]
-    machine = made.machine
+    counts, machine = made.counts, made.machine
+    claims = [row for row in made.rows if row.kind == CONFIRMED]
     results.print(
-        f"{len(judged) - len(failed)} of {len(judged)} rows pass; the other "
-        f"{len(made.rows) - len(judged)} are measurements, on {machine['processor']}, "
-        f"{machine['cores']} cores, kernel {machine['kernel']}, load {machine['load_1min']}.",
-        style="bold red" if failed else "bold",
+        f"printed numbers: {counts[REPRODUCED]} reproduced "
+        f"({counts['of these reproduced with fitted inputs']} with fitted inputs), "
+        f"{counts[NOT_REPRODUCED]} not reproduced; claims and equations: "
+        f"{sum(row.passed is True for row in claims)} of {len(claims)} confirmed; "
+        f"measured only: {counts[MEASURED]}; failed rows: {counts['failed']}. "
+        f"On {machine['processor']}, {machine['cores']} cores, kernel {machine['kernel']}, "
+        f"load {machine['load_1min']}.",
+        style="bold" if made.passed else "bold red",
     )
     results.print(
         f"{len(made.files)} files in {made.files[-1].parent}", markup=False, soft_wrap=True
@@ -46,9 +55,9 @@ def _said(paper: float | str | None) -> str:
 
 def _expected(row: Row) -> str:
     """The reference, or else the bounds."""
-    if isinstance(row.reference, int | float):
-        return f"{row.reference:g}"
-    low, high = row.reference or row.tolerance or (None, None)
+    if row.reference is not None:
+        return f"{row.reference:.4g}"
+    low, high = row.tolerance or (None, None)
     if low is None:
         return "" if high is None else f"at most {high:.3g}"
     if high is None:

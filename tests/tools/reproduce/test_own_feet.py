@@ -21,7 +21,7 @@ from hoap3.tools.reproduce.papers.qp12.own_feet import (
     law_settings,
     stand,
 )
-from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SCALES, SPARSE
+from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE
 
 
 def kept() -> dict:
@@ -47,10 +47,10 @@ def test_standing_it_keeps_both_soles_on_the_floor():
 
 
 def test_a_law_that_is_faster_than_the_servos_certifies_nothing():
-    stood = stand("hoap3_one_foot", law_settings(EVEN, SCALES["C"]), 0.1, kv=6.0)
+    stood = stand("hoap3_one_foot", law_settings(EVEN, "C"), 0.1, kv=6.0)
     assert stood.certified[0] == 0
     assert stood.certified[1] == 100
-    blind = law_settings(EVEN, SCALES["C"])
+    blind = law_settings(EVEN, "C")
     blind["parameters"]["kinematics_from"] = "reference"  # then it is no loop around them
     assert stand("hoap3_one_foot", blind, 0.1, kv=6.0).certified == (100, 100)
 
@@ -91,7 +91,7 @@ def test_the_rate_is_that_of_the_law_around_its_target():
 )
 def test_v_rises_where_the_loop_is_faster_than_the_servos(law, kv, scale, stays):
     """With a ramp, so that motors have the torque to begin; what stays rises by rounding only."""
-    settings = law_settings(law, SCALES[scale])
+    settings = law_settings(law, scale)
     settings["parameters"]["ramp_s"] = 1.0
     stood = stand("hoap3_one_foot", settings, 6.0, kv=kv)
     assert (stood.certified[0] > 0) == stays

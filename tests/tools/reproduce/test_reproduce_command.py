@@ -14,6 +14,7 @@ from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError
 from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce import papers
 from hoap3.tools.reproduce.remake import papers as known_papers
+from hoap3.tools.reproduce.rows import MEASURED, REPRODUCED
 
 TINY = """
 import numpy as np
@@ -64,9 +65,12 @@ def test_the_exit_code_says_whether_a_row_fails(shelve, tmp_path, name, ours, co
     done = invoke(name, "--out", tmp_path / "out", "--json")
     assert done.exit_code == code
     printed = json.loads(done.stdout)
-    assert printed.keys() == {"rows", "machine", "files"}
+    assert printed.keys() == {"counts", "rows", "machine", "files"}
     assert [row["pass"] for row in printed["rows"]] == [code == 0, None]
-    needed = {"item", "paper", "ours", "tolerance", "pass", "why"}
+    assert [row["class"] for row in printed["rows"]] == [REPRODUCED, MEASURED]
+    assert printed["counts"][REPRODUCED] == printed["counts"][MEASURED] == 1
+    assert printed["counts"]["failed"] == code
+    needed = {"item", "paper", "ours", "tolerance", "class", "pass", "why", "differs", "fitted"}
     assert all(row.keys() >= needed for row in printed["rows"])
     assert {"kernel", "processor", "versions"} <= printed["machine"].keys()
 
@@ -86,7 +90,14 @@ def test_files_are_those_that_are_named(shelve, tmp_path):
 def test_people_see_rows_and_reasons_on_standard_output(shelve, tmp_path):
     shelve("tiny_people", 2.1)
     done = CliRunner().invoke(app, ["tiny_people", "--out", str(tmp_path)])
-    for words in ("Fig. 1: [y]", "FAIL", "as it is", "0 of 1 rows pass"):
+    for words in (
+        "Fig. 1: [y]",
+        "FAIL",
+        "as it is",
+        "1 reproduced",
+        "0 not reproduced",
+        "failed rows: 1",
+    ):
         assert words in done.stdout
     assert done.stderr == ""  # it took less than two seconds
 

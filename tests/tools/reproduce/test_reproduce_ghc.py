@@ -17,15 +17,17 @@ from hoap3.tools.reproduce.papers.ghc import (
     compromise,
     errors_figure,
     lemniscate,
+    networks,
     pressing,
     reference,
     switching,
     table1,
     times,
 )
-from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, SAG, TABLE_1, TASKS
+from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, TABLE_1, TASKS
 from hoap3.tools.reproduce.papers.ghc.runs import Run
 from hoap3.tools.reproduce.papers.ghc.runs import switching as switch
+from hoap3.tools.reproduce.rows import MEASURED, NOT_REPRODUCED, REPRODUCED
 
 pytestmark = pytest.mark.slow
 
@@ -77,15 +79,17 @@ def still(ticks: int, **changes: object) -> Run:
     return replace(run, **changes)  # type: ignore[arg-type]
 
 
-def test_every_error_of_table_1_is_within_15_percent_and_the_highest_below_a_ten_thousandth(fast):
+def test_every_error_of_table_1_is_the_printed_one_with_fitted_targets_but_for_the_highest(fast):
     rows = table1.tabled("GHC", fast)
     assert not failed(rows)
     assert len(rows) == 12
-    printed = [row for row in rows if row.reference is not None]
-    assert len(printed) == 8
-    for row in printed:
-        assert row.tolerance == pytest.approx((0.85 * row.paper, 1.15 * row.paper))
-    assert all(row.tolerance == (None, 1e-4) for row in rows if row.reference is None)
+    lower = [row for row in rows if row.tolerance is None]
+    assert len(lower) == 8
+    assert {(row.kind, row.fitted) for row in lower} == {(REPRODUCED, table1.FITTED)}
+    highest = [row for row in rows if row.tolerance is not None]
+    assert all(row.tolerance == (None, 1e-4) and row.differs for row in highest)
+    assert of(rows, "1 ▷ 2 ▷ 3, GHC, hand").kind == NOT_REPRODUCED
+    assert of(rows, "1 ▷ 2 ▷ 3, GHC, hand").as_json()["paper"] == 1e-6
 
 
 def test_another_hierarchys_errors_fail(fast):
@@ -93,6 +97,15 @@ def test_another_hierarchys_errors_fail(fast):
     errors = {HAND: fast.errors[ELBOW], ELBOW: fast.errors[HAND], POSTURE: fast.errors[POSTURE]}
     found = failed(table1.tabled("GHC", replace(fast, errors=errors)))
     assert len(found) >= 6
+
+
+def test_joints_move_as_a_network_of_priorities_has_them():
+    (row,) = networks.rows()
+    assert row.passed
+    assert reference.network_velocities() == pytest.approx(
+        {"r_knee": 0.3, "l_knee": 0.1, "r_elbow": -0.1, "l_elbow": -0.3, "waist_pitch": 0.3}
+        | {"l_hip_roll": 0.1, "l_shoulder_roll": 0.1}
+    )
 
 
 def test_priorities_are_those_of_15_at_every_tick(fast):
@@ -163,7 +176,7 @@ def test_jerk_is_the_sum_of_what_accelerations_change_by():
 def test_with_gravity_the_torques_as_printed_pull_the_hand_away():
     run = switching.sagging(0.01, 5.0)
     hand = run.errors[HAND][-500:].mean()
-    assert hand == pytest.approx(SAG[0.01], rel=0.1)
+    assert hand == pytest.approx(0.033, rel=0.1)
 
 
 def test_bounds_of_figure_8_are_kept_and_reached(eight):
@@ -223,9 +236,9 @@ def test_compromises_are_monotone_and_weights_never_strict():
     rows = compromise.rows(by_alpha, by_weight)
     assert not failed(rows)
     turned = {1.0 - alpha: found for alpha, found in by_alpha.items()}
-    assert len(failed(compromise.rows(turned, by_weight))) >= 6
+    assert len(failed(compromise.rows(turned, by_weight))) >= 4
     strict = {100.0: (0.0, 0.454)}
-    assert len(failed(compromise.rows(by_alpha, strict))) == 2
+    assert len(failed(compromise.rows(by_alpha, strict))) == 1
     figure = compromise.draw(by_alpha, by_weight)
     assert [panel.name for panel in figure.panels] == ["alpha", "tradeoff"]
 
@@ -241,6 +254,8 @@ def test_times_are_not_judged_but_their_trends_are():
     ]
     rows = times.rows(timed)
     assert [row.passed for row in rows if row.unit == "ms"] == [None, None, None]
+    assert {row.kind for row in rows if row.unit == "ms"} == {MEASURED}
+    assert {row.paper for row in rows if row.unit == "ms"} == {2.7, 88.0, None}
     judged = [row for row in rows if row.passed is not None]
     assert len(judged) == 3
     assert all(row.passed for row in judged)

@@ -13,7 +13,7 @@ from hoap3.remote_controller.constraints.collision.collision_geometry import lin
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.reproduce.papers.qp12 import certified, circulation, obstacle, support
+from hoap3.tools.reproduce.papers.qp12 import certified, circulation, obstacle, oracle, support
 from hoap3.tools.reproduce.papers.qp12.circulation import Circulation, Ellipse
 from hoap3.tools.reproduce.papers.qp12.obstacle import ROUND, THROUGH, Obstacle, Passage
 from hoap3.tools.reproduce.papers.qp12.support import CONDITION, Support
@@ -121,7 +121,7 @@ def test_the_ellipse_is_the_controllers():
 
 def test_what_a_step_of_euler_does_not_see_is_at_least_the_curvature():
     run = certified.run(certified.config(circulation.CONFIG), 0.05)
-    unseen = circulation.unseen(ELLIPSE, run.q, circulation.com_path(run.q))
+    unseen = oracle.unseen(ELLIPSE, run.q, circulation.com_path(run.q))
     sharpest = 0.015 / 0.01**2 * 0.01**2
     assert 0.1 * sharpest < unseen < 2.0 * sharpest
 
@@ -181,7 +181,7 @@ def test_the_distance_from_the_ball_is_that_of_the_nearest_point_of_the_urdfs_bo
     center, radius = np.array([0.14, -0.14, 0.03]), 0.025
     ball = {"frame": "pelvis", "center_m": center.tolist(), "radius_m": radius}
     positions = np.random.default_rng(5).uniform(-0.5, 0.5, (20, 21))
-    gaps, nearest = obstacle._from_ball(ball, link, positions)
+    gaps, nearest = oracle.distance_from_ball(ball, link, positions)
     hoap3 = load("hoap3")
     (body,), kinematics = links(hoap3)[link], Kinematics(hoap3)
     place, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, 21))

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from driven import driven
 
 from hoap3.protocol.config.settings import parse
 from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds as kernel
@@ -18,6 +19,8 @@ from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.solvers.clik.clik_reference import prioritised
 from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
 from hoap3.remote_controller.solvers.sdp.sdp_reference import optimum
+from hoap3.tools.verify.checkers import checker_of
+from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controllers.velocity import clik, ghc_velocity, joint_bounds, settings
 from hoap3.tools.verify.controllers.velocity.clik_law import certified_rates, law_of
 from hoap3.tools.verify.controllers.velocity.gain_optimum import Gains
@@ -242,3 +245,45 @@ def test_a_stopping_speed_comes_to_rest_within_the_room() -> None:
         steps = np.maximum(w - A * T * np.arange(10_000), 0.0)
         assert steps.sum() * T == pytest.approx(room, rel=1e-9)
         assert all(a - b <= A * T * (1 + 1e-9) for a, b in pairwise(steps))
+
+
+CENTIMETRES = {
+    "error_unit": "cm",
+    "gamma": 0.3,
+    "adaptive_gamma": True,
+    "gamma_slope": 5e-3,
+    "ramp_s": 0.0,
+}
+SLOPED = {"kind": "qp12", "gamma": 0.3, "adaptive_gamma": True, "gamma_slope": 1e4}
+
+
+def false_claims(name, run, parameters):
+    claims = Claims()
+    checker_of(name)(run, parameters, claims)
+    assert claims.checked > 0
+    return {claim for claim, count in claims.counts.items() if count.false}
+
+
+@pytest.fixture(scope="module", params=["qp12", "osqp"])
+def centimetres(request):
+    return request.param, *driven(request.param, "hoap3", 80, **CENTIMETRES)
+
+
+def test_what_was_answered_in_centimetres_is_true(centimetres):
+    assert false_claims(*centimetres) == set()
+
+
+@pytest.mark.parametrize(
+    ("change", "claim"),
+    [({"error_unit": "m"}, "required V rate"), ({"gamma_slope": 100.0}, "residual")],
+)
+def test_another_unit_or_slope_is_found(centimetres, change, claim):
+    name, run, parameters = centimetres
+    assert claim in false_claims(name, run, {**parameters, **change})
+
+
+def test_the_slope_of_stable_qp_is_used():
+    run, parameters = driven("stable_qp", "hoap3", 80, objective=SLOPED, psi={"form": "one"})
+    assert false_claims("stable_qp", run, parameters) == set()
+    other = {**parameters, "objective": {**SLOPED, "gamma_slope": 10.0}}
+    assert "residual" in false_claims("stable_qp", run, other)

@@ -20,6 +20,7 @@ import numpy as np
 
 from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.bounds.joint import FIG_3, Joint
+from hoap3.tools.reproduce.papers.bounds.reference import turning_share
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
 STATES = 1_000_000
@@ -88,16 +89,6 @@ def count_all() -> list[Shares]:
         joint = Joint(FIG_3.end, FIG_3.speed, FIG_3.acceleration, period)
         made.append(count(joint, *random_states(joint)))
     return made
-
-
-def turning_share(joint: Joint) -> float:
-    """Share of the viable states with dq > 0 that must turn round within δt, exactly.
-
-    D < vδt/2 and v² ≤ 2AD, hence v < Aδt: ∫(vδt/2 − v²/(2A))dv from 0 to Aδt is A²δt³/12; (11) has
-    Aδt ≤ V. All of them are 2QV − V³/(6A).
-    """
-    A, V = joint.acceleration, joint.speed
-    return A * A * joint.period_s**3 / 12.0 / (2.0 * joint.end * V - V**3 / (6.0 * A))
 
 
 def rows(shares: list[Shares]) -> list[Row]:

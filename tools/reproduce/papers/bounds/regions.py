@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hoap3.tools.reproduce.figures import Array, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.bounds.joint import FIG_3, Joint
-from hoap3.tools.reproduce.papers.bounds.reference import REGIONS
+from hoap3.tools.reproduce.papers.bounds.reference import region_shares
 from hoap3.tools.reproduce.rows import Row, near
 
 SIDE = 2001  # states along q and along dq, ends included
@@ -67,11 +67,11 @@ def classify(joint: Joint = FIG_3, side: int = SIDE) -> Regions:
 
 def rows(found: Regions) -> list[Row]:
     """Share of each region."""
-    why = f"The paper prints no share: ours of {SIDE}² states, beside it those of the printed "
+    why = f"The paper prints no share: ours of {SIDE}² states, next to it those of the printed "
     return [
         near(f"Fig. 3: region {number}, {name}, share of F", None, found.share(number), reference,
              f"{why}Algorithms 1 to 3", absolute=SHARE)
-        for number, (name, reference) in enumerate(REGIONS.items())
+        for number, (name, reference) in enumerate(region_shares(FIG_3, SIDE).items())
     ]  # fmt: skip
 
 

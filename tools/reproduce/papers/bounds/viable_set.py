@@ -33,6 +33,7 @@ from hoap3.tools.reproduce.rows import Row, bounded, near
 
 CELLS = 400  # of F, along q and along dq
 STEPS = 0.01  # s: of the braking
+PERIODS_S = (0.01, 0.1)  # of velocity control
 SHARE = 1e-3  # 0.1 percentage points
 SHARES_OVER = 200_000  # positions, for the area below a curve
 
@@ -117,7 +118,8 @@ def rows() -> list[Row]:
                 "As the paper: V = V^c where (11) holds"),
     ]  # fmt: skip
     room = (np.arange(SHARES_OVER) + 0.5) / SHARES_OVER * 2.0 * joint.end
-    for period, reference in ref.PSEUDO_ACCELERATION.items():
+    for period in PERIODS_S:
+        reference = ref.velocity_control_share(period)
         w = velocity_control(room, joint.acceleration, period)
         share = share_below(joint, w)
         why = (

@@ -21,6 +21,7 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
         compromise,
         errors_figure,
         lemniscate,
+        networks,
         pressing,
         switching,
         table1,
@@ -48,4 +49,4 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     rows += compromise.rows(by_alpha, by_weight)
     say("Fig. 12: timing")
     timed = times.measure()
-    return [*figures, times.draw(timed)], [*rows, *times.rows(timed)]
+    return [*figures, times.draw(timed)], [*rows, *networks.rows(), *times.rows(timed)]

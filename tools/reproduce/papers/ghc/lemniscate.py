@@ -26,7 +26,7 @@ from hoap3.tools.reproduce.papers.ghc.runs import (
     switching,
     three_tasks,
 )
-from hoap3.tools.reproduce.rows import Row, bounded
+from hoap3.tools.reproduce.rows import Row, bounded, measured
 
 HALF_WIDTH_M, CENTER_M = 0.10, (-0.45, 0.15, 0.75)
 PERIOD_S = 2.0 * math.pi
@@ -100,22 +100,25 @@ def rows(run: Run) -> list[Row]:
 
 def rows_alone(runs: Mapping[float, Run]) -> list[Row]:
     """The hand's error by ω_r."""
-    made = []
-    for w_r, run in runs.items():
-        item = f"Fig. 7: 1 ▷ 3 alone, ω_r = {w_r:g}, "
-        ours = float(run.errors[ref.HAND][-round(SETTLED_S / run.period_s) :].max())
-        most = ref.LEMNISCATE[w_r]
-        made.append(
-            bounded(f"{item}greatest error of the hand", None, ours, (None, most), _LESS, unit="m")
-        )
-    return made
+    errors = {
+        w_r: float(run.errors[ref.HAND][-round(SETTLED_S / run.period_s) :].max())
+        for w_r, run in runs.items()
+    }
+    made = [
+        measured(f"Fig. 7: 1 ▷ 3 alone, ω_r = {w_r:g}, greatest error of the hand", None, error,
+                 _LESS, unit="m")
+        for w_r, error in errors.items()
+    ]  # fmt: skip
+    item = "Fig. 7: 1 ▷ 3 alone, error of the hand, greatest / least ω_r"
+    ratio = errors[max(errors)] / errors[min(errors)]
+    return [*made, bounded(item, None, ratio, (1.0, None), _LESS)]
 
 
 def _bounds(item: str, run: Run) -> list[Row]:
     return [
-        bounded(f"{item}greatest |dq|", ref.SPEED_MAX, float(np.abs(run.dq).max()),
+        bounded(f"{item}greatest |dq|", f"at most {ref.SPEED_MAX:g}", float(np.abs(run.dq).max()),
                 (None, ref.SPEED_MAX + ROUNDING), _EXACT, unit="rad/s"),
-        bounded(f"{item}greatest |τ|", ref.TORQUE_MAX, float(np.abs(run.tau).max()),
+        bounded(f"{item}greatest |τ|", f"at most {ref.TORQUE_MAX:g}", float(np.abs(run.tau).max()),
                 (None, ref.TORQUE_MAX + ROUNDING), _EXACT, unit="N m"),
         bounded(f"{item}ticks without an answer", None, run.fallbacks, (0.0, 0.0), _ANSWER),
     ]  # fmt: skip

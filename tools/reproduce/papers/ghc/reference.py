@@ -1,8 +1,7 @@
-"""What the paper prints, and what its equations give by an independent computation.
+"""What the paper prints, and (15) as an oracle of priorities.
 
-The paper prints neither targets nor start nor the robot's inertia. Ours were sought until the
-errors that contradicting tasks leave were those of its Table 1; what holds for them alone was
-computed without this code, with a robot of the same masses.
+The paper prints neither targets nor start nor the robot's inertia. Ours were fitted until the
+errors that contradicting tasks leave were those of its Table 1, GHC.
 """
 
 from __future__ import annotations
@@ -23,16 +22,16 @@ HIGHEST = (POSTURE, HAND, ELBOW, HAND, HAND)
 
 TABLE_1 = {
     "GHC": (
-        (0.46, 0.40, 2.2e-30),
-        (1.0e-6, 0.46, 1.8),
-        (0.42, 2.6e-6, 3.0),
-        (3.9e-6, 0.55, 0.79),
+        ("0.46", "0.40", "2.2e-30"),
+        ("1.0e-6", "0.46", "1.8"),
+        ("0.42", "2.6e-6", "3.0"),
+        ("3.9e-6", "0.55", "0.79"),
     ),
     "HQP": (
-        (0.46, 0.40, 2.8e-10),
-        (4.5e-7, 0.46, 1.8),
-        (0.42, 2.7e-6, 3.1),
-        (4.5e-6, 0.55, 0.79),
+        ("0.46", "0.40", "2.8e-10"),
+        ("4.5e-7", "0.46", "1.8"),
+        ("0.42", "2.7e-6", "3.1"),
+        ("4.5e-6", "0.55", "0.79"),
     ),
 }
 """Printed errors of tasks 1, 2 and 3 by phase [m, m, rad]."""
@@ -49,29 +48,14 @@ STATIC, TRACKING = (30.0, 20.0), (100.0, 20.0)
 SPEED_MAX, TORQUE_MAX = 1.2, 1.5
 """Bounds of Fig. 8 [rad/s, N m]."""
 
-SAG = {0.01: 0.033, 1e-4: 3e-4}
-"""Error of the hand at 1 ▷ 3 with gravity where |τ|² is regularised [m], by ω_r."""
+LEMNISCATE = (0.01, 1e-3, 1e-4)
+"""ω_r for which the hand's error on its way round is shown."""
 
-LEMNISCATE = {0.01: 1e-3, 1e-3: 1e-4, 1e-4: 5e-5}
-"""Bound of the hand's error on its way round [m], by ω_r, on a lemniscate of ours."""
+COMPROMISES = (0.0, 0.2, 0.5, 0.8, 1.0)
+"""α₁₂ of Fig. 11, and its ends."""
 
-COMPROMISES = {
-    0.0: (0.000, 0.459),
-    0.2: (0.111, 0.384),
-    0.5: (0.268, 0.237),
-    0.8: (0.369, 0.093),
-    1.0: (0.412, 0.000),
-}
-"""Errors of hand and elbow [m] by α₁₂ in Fig. 11."""
-
-WEIGHED = {
-    100.0: (0.004, 0.454),
-    10.0: (0.039, 0.424),
-    1.0: (0.254, 0.183),
-    0.1: (0.355, 0.018),
-    0.01: (0.364, 0.002),
-}
-"""The same by ω₁/ω₂ of the weighting strategy."""
+WEIGHED = (100.0, 10.0, 1.0, 0.1, 0.01)
+"""ω₁/ω₂ of the weighting strategy."""
 
 FORCE_N = 10.0
 """Desired force of Figs. 9 and 10. Not in the paper, which shows a curve."""
@@ -88,6 +72,33 @@ ABOVE = (
 )
 """Where α is 1, by phase: (i, j) says that task j stands above task i. In the fourth, task 2 takes
 no part: it is kept out of everything, also of itself, and is in nobody's way."""
+
+
+NETWORK = ((2, 1), (3, 1), (3, 2), (5, 4), (6, 4), (6, 5), (5, 2))
+"""(i, j): task j stands above task i, in 1▷2▷3, 4▷5▷6 and 2▷5 of section 2.1."""
+
+WISHES = {
+    1: {"r_knee": 0.3, "l_knee": 0.1},
+    2: {"r_knee": -0.2, "r_elbow": -0.1, "l_elbow": -0.2},
+    3: {"l_knee": 0.2, "r_elbow": -0.3, "waist_pitch": 0.1},
+    4: {"l_elbow": -0.1, "l_hip_roll": 0.1},
+    5: {"l_hip_roll": -0.1, "r_elbow": -0.2, "l_shoulder_roll": 0.1},
+    6: {"l_shoulder_roll": 0.2, "waist_pitch": 0.2, "l_elbow": -0.3},
+}
+"""Six tasks that contradict each other: the way that each wants joints to go [rad]."""
+
+
+def network_velocities() -> dict[str, float]:
+    """What joints do by the network at 1 1/s [rad/s].
+
+    A joint moves as all tasks together want that no task above them keeps out of it.
+    """
+    found: dict[str, float] = {}
+    for i, wanted in WISHES.items():
+        above = {name for below, j in NETWORK if below == i for name in WISHES[j]}
+        for name, way in wanted.items():
+            found[name] = found.get(name, 0.0) + (0.0 if name in above else way)
+    return found
 
 
 def hierarchy(phase: int) -> Array:

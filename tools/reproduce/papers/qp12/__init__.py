@@ -1,10 +1,10 @@
 """Gonçalves, Adorno, Crosnier, Fraisse, "Stable-by-Design Kinematic Control Based on Optimization".
 
-IEEE Transactions on Robotics 36(3), 2020. Its experiment, Figs. 4 to 8 and Table I, is done twice:
-in case A with Ψ as printed, and in case C without its 1/√n, which is what the figures fit. Beside
-it stand Fig. 1, Example 2, and what the paper has no experiment of: persistent motion, an obstacle,
-and a target beyond the support polygon, each with its certificates; and the same displacement in
-MuJoCo, on one held foot and on the robot's own two feet.
+IEEE Transactions on Robotics 36(3), 2020. Its experiment, Figs. 4 to 8 and Table I, is done in
+three readings of (16): A as printed with e in metres, B as printed with e in centimetres, and C in
+metres without 1/√n. Beside it stand Fig. 1, Example 2, and what the paper has no experiment of:
+persistent motion, an obstacle, a target beyond the support polygon, and statements of section III;
+and the same displacement in MuJoCo, on one held foot and on the robot's own two feet.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
         experiments,
         fig1,
         obstacle,
+        oracle,
         own_feet,
+        statements,
         support,
         table,
     )
@@ -39,9 +41,12 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     rounds, ball, edge = circulation.circulate(say), obstacle.go(say), support.go(say)
     figures += [circulation.draw(rounds), obstacle.draw(ball), support.draw(edge)]
     rows += [*circulation.rows(rounds), *obstacle.rows(ball), *support.rows(edge)]
+    rows += statements.rows(say)
     trials = experiments.run_trials(say)
     figures += drawings.draw_all(trials)
-    rows += checks.check_all(trials, experiments.plain_pinv())
+    say("the same motions by the oracle")
+    expected = oracle.all_trials(), oracle.plain_pinv()
+    rows += checks.check_all(trials, experiments.plain_pinv(), *expected)
     if find_spec("mujoco") is None:
         say("on its own feet: left out, as it needs hoap3[mujoco]")
     else:

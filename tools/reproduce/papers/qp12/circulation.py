@@ -25,9 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, Array, Curve, Figure, Panel, level, lines, mark
+from hoap3.tools.reproduce.papers.qp12 import oracle
 from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
@@ -37,7 +36,7 @@ from hoap3.tools.reproduce.papers.qp12.certified import (
     run,
 )
 from hoap3.tools.reproduce.papers.qp12.drawings import over_the_sole, sole_outline
-from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT, com_path
+from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, com_path
 from hoap3.tools.reproduce.papers.qp12.reference import Ellipse
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
@@ -107,24 +106,8 @@ def circulate(
         ellipse = Ellipse(center, radii, task["speed_m_s"])
         done = run(content, seconds)
         path = com_path(done.q)
-        found[name] = Circulation(ellipse, way, done, path, unseen(ellipse, done.q, path))
+        found[name] = Circulation(ellipse, way, done, path, oracle.unseen(ellipse, done.q, path))
     return found
-
-
-def unseen(ellipse: Ellipse, q: Array, path: Array) -> float:
-    """Greatest 2/T²·|Δα − ∇α·J·Δq| of a motion in steps of T [m/s²]."""
-    kinematics = Kinematics(load(ROBOT))
-    frame = kinematics.frame_id("r_sole")
-    jacobian, place, first = np.zeros((3, kinematics.n)), np.zeros(3), np.zeros((len(q) - 1, 3))
-    for k, step in enumerate(np.diff(q, axis=0)):
-        kinematics.update(q[k])
-        kinematics.com(frame, place, jacobian)
-        first[k] = jacobian @ step
-    slope = (path[:-1, :2] - ellipse.center[:2]) / np.array(ellipse.radii) ** 2
-    scale = math.sqrt(math.prod(ellipse.radii))
-    seen = np.stack([scale * (slope * first[:, :2]).sum(axis=1), first[:, 2]], axis=1)
-    missed = np.diff(ellipse.alpha(path), axis=0) - seen
-    return float(2.0 / PERIOD_S**2 * np.linalg.norm(missed, axis=1).max())
 
 
 def rows(found: dict[str, Circulation]) -> list[Row]:
@@ -141,30 +124,29 @@ def _rows(item: str, each: Circulation) -> list[Row]:
     rounds = float(angle[-1] - angle[0]) / (2.0 * math.pi)
     way = "(22) leaves both directions, T and −T; ζ along the path of the centre of mass"
     speeds = {"least": float(along.min()), "greatest": float(along.max())}
+    v, error = float(done.v[part].max()) / each.floor, float(done.error[part].max())
+    last, below = f"{item}, greatest", (None, 1.0)
     return [
-        bounded(
-            f"{item}, greatest V of the last round / (ζ²T/(4η))",
-            0,
-            float(done.v[part].max()) / each.floor,
-            (None, 1.0),
-            "On the curve V = 0 in continuous time only: in steps of T it settles below ζ²T/(4η), "
-            "|e| = ζ·√(T/(2η)), where η is the least Ψ/(2V) of the last round",
-        ),
-        bounded(
-            f"{item}, greatest |e| of the last round / (|α̇|√(T/(2η)) + aT/(2η))",
-            0,
-            float(done.error[part].max()) / each.sharp_floor,
-            (None, 1.0),
-            "The sharper floor: with the speed across the curve as it was, and a, what Euler's "
-            "steps do not see: curvature of the curve and of the kinematics",
-        ),
-        near(f"{item}, rounds in the time of one", each.way, rounds, each.way, way, absolute=0.01),
+        bounded(f"{last} V of the last round / (ζ²T/(4η))", 0, v, below, _FLOOR),
+        bounded(f"{last} |e| of the last round / (|α̇|√(T/(2η)) + aT/(2η))", 0,
+                error / each.sharp_floor, below, _SHARP),
+        near(f"{item}, rounds in the time of one", None, rounds, each.way, way, absolute=0.01),
         *(
-            near(f"{item}, {name} speed along the curve", zeta, speed, zeta, way, unit="m/s")
+            near(f"{item}, {name} speed along the curve", None, speed, zeta, way, unit="m/s")
             for name, speed in speeds.items()
         ),
         *certified(item, done),
-    ]
+    ]  # fmt: skip
+
+
+_FLOOR = (
+    "On the curve V = 0 in continuous time only: in steps of T it settles below ζ²T/(4η), "
+    "|e| = ζ·√(T/(2η)), where η is the least Ψ/(2V) of the last round"
+)
+_SHARP = (
+    "The sharper floor: with the speed across the curve as it was, and a, what Euler's steps do "
+    "not see: curvature of the curve and of the kinematics"
+)
 
 
 def draw(found: dict[str, Circulation]) -> Figure:

@@ -34,7 +34,11 @@ from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE, TRIA
 Limits = tuple[float, float]
 Zoom = tuple[Limits, Limits] | None
 
-CASES = {"A": "A: Ψ as printed, (16)", "C": "C: Ψ without 1/√n"}
+CASES = {
+    "A": "A: Ψ as printed, (16), e in m",
+    "B": "B: Ψ as printed, (16), e in cm",
+    "C": "C: Ψ without 1/√n, e in m",
+}
 SHOWN = (0.0, 0.3, 0.7, 0.99)
 """γ of Figs. 4 and 8."""
 
@@ -69,7 +73,7 @@ def fig4(trials: Trials) -> Figure:
         )
 
     title = "Fig. 4: centre of mass over the right sole"
-    return Figure("fig4", title, [[panel(case) for case in CASES]], (10.0, 4.0))
+    return Figure("fig4", title, [[panel(case) for case in CASES]], (15.0, 4.0))
 
 
 def fig5(trials: Trials) -> Figure:
@@ -86,7 +90,7 @@ def fig5(trials: Trials) -> Figure:
     quantities = (("v", "V [mm²]", "V_mm2"), ("psi", "Ψ [mm²/s]", "Psi_mm2_per_s"))
     rows = [[panel(case, *each) for case in CASES] for each in quantities]
     title = "Fig. 5: V and Ψ of 11 trials, which all but coincide; adaptive γ"
-    return Figure("fig5", title, rows, (10.0, 6.0))
+    return Figure("fig5", title, rows, (15.0, 6.0))
 
 
 def fig6(trials: Trials) -> Figure:
@@ -97,7 +101,7 @@ def fig6(trials: Trials) -> Figure:
         return np.array([trials[case, law].mean_active(0, 400) for law in laws])
 
     curves = []
-    for case, colour, marker, other in (("A", COLOURS[0], "o", "x"), ("C", COLOURS[1], "s", "+")):
+    for case, colour, marker, other in zip(CASES, COLOURS, "o^s", "x1+", strict=False):
         constant = [law for where, law in trials if where == case and not law.adaptive]
         at = np.array([law.gamma for law in constant], np.float64)
         name, pinv = CASES[case], means(case, [PINV])[0]
@@ -126,7 +130,7 @@ def fig7(trials: Trials) -> Figure:
         return Panel(case, CASES[case], _time(case), ACTIVE_AXIS, curves)
 
     rows = [[panel(case) for case in CASES]]
-    return Figure("fig7", "Fig. 7: active joints over time, adaptive γ", rows, (10.0, 3.6))
+    return Figure("fig7", "Fig. 7: active joints over time, adaptive γ", rows, (15.0, 3.6))
 
 
 def fig8(trials: Trials, case: str) -> Figure:

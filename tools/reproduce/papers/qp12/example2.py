@@ -86,26 +86,14 @@ def rows(found: Answers) -> list[Row]:
     alike = "As the paper: all alike"
     made.append(bounded(item, 0, float(np.ptp(even) / even.max()), (None, 1e-12), alike))
     close, limit = lp_norm(a, b, NEAR_ONE), found.u[1.0]
-    made.append(
-        bounded(
-            f"Example 2: |u(p = {NEAR_ONE:g}) − u(1)| / |u(1)|",
-            "0 as p falls to 1",
-            float(np.abs(close - limit).max() / np.abs(limit).max()),
-            (None, 1e-3),
-            "As the paper: both sides of p = 1 agree. As printed (9) is 0/0 there in doubles",
-        )
-    )
+    item = f"Example 2: |u(p = {NEAR_ONE:g}) − u(1)| / |u(1)|"
+    both = "As the paper: both sides of p = 1 agree. As printed (9) is 0/0 there in doubles"
+    apart = float(np.abs(close - limit).max() / np.abs(limit).max())
+    made.append(bounded(item, "0 as p falls to 1", apart, (None, 1e-3), both))
     plain = pinv_plain(a[None, :], np.array([b]), 1.0)
-    made.append(
-        bounded(
-            "Example 2: |u(2) − J⁺| / |u(2)|",
-            None,
-            float(np.abs(found.u[2.0] - plain).max() / np.abs(plain).max()),
-            (None, 1e-12),
-            "p = 2 is the pseudo-inverse of the one row ∇Vᵀ",
-        )
-    )
-    return made
+    item, one_row = "Example 2: |u(2) − J⁺| / |u(2)|", "p = 2 is the pseudo-inverse of the row ∇Vᵀ"
+    apart = float(np.abs(found.u[2.0] - plain).max() / np.abs(plain).max())
+    return [*made, bounded(item, None, apart, (None, 1e-12), one_row)]
 
 
 def draw(found: Answers) -> Figure:

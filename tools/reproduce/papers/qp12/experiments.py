@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.reproduce.papers.qp12.reference import ACTIVE, SCALES, Law
+from hoap3.tools.reproduce.papers.qp12.reference import CASES, LAWS, Law
 from hoap3.tools.simulate import simulate
 
 ROBOT, FRAME = "hoap3", "r_sole"
@@ -20,7 +20,7 @@ TARGET_M = (0.01, 0.025, 0.2869)
 U_MAX, BETA = 0.6, 46.0  # rad/s, 1/m
 PERIOD_S = 1e-3
 THRESHOLD = 1e-3  # rad/s, from which on a joint is active
-SECONDS = {"A": 3.0, "C": 1.0}
+SECONDS = {"A": 3.0, "B": 1.0, "C": 1.0}
 """How long each case is followed: until |e| < 1 mm whatever γ."""
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def move(controller: str, seconds: float, **parameters: object) -> Motion:
 
 def follow(case: str, law: Law, seconds: float) -> Motion:
     """One trial."""
-    scale = {"psi_scale": SCALES[case]}
+    scale = CASES[case]
     if law.gamma is None:
         return move("pinv", seconds, **scale)
     return move("qp12", seconds, gamma=law.gamma, adaptive_gamma=law.adaptive, **scale)
@@ -117,9 +117,9 @@ def follow(case: str, law: Law, seconds: float) -> Motion:
 def run_trials(
     say: Callable[[str], None] = lambda _: None, seconds: Mapping[str, float] = SECONDS
 ) -> Trials:
-    """Every trial of which a figure is known: 14 in each case."""
+    """Every law in each case."""
     trials = {}
-    for case, law in ACTIVE:
+    for case, law in ((case, law) for case in CASES for law in LAWS):
         say(f"case {case}, {law}: {seconds[case]:g} s")
         trials[case, law] = follow(case, law, seconds[case])
     return trials

@@ -10,14 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.robot.pinocchio_model import collision_shapes
-from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel, level
+from hoap3.tools.reproduce.papers.qp12 import oracle
 from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
@@ -29,7 +26,6 @@ from hoap3.tools.reproduce.papers.qp12.certified import (
     run,
     time_curve,
 )
-from hoap3.tools.reproduce.papers.qp12.experiments import ROBOT
 from hoap3.tools.reproduce.rows import Row, bounded
 
 CONFIG = "obstacle"
@@ -82,81 +78,33 @@ def go(say: Callable[[str], None] = lambda _: None, seconds: float = SECONDS) ->
     for name, each in ((ROUND, content), (THROUGH, free)):
         say(f"obstacle, {name}: {seconds:g} s")
         done = run(each, seconds)
-        around = [_from_ball(ball, link, done.q) for link in ARM]
+        around = [oracle.distance_from_ball(ball, link, done.q) for link in ARM]
         passages[name] = Passage(done, np.min([gap for gap, _ in around], axis=0), around[0][1])
     return Obstacle(passages, ball["radius_m"], settings["clearance_m"])
-
-
-def _from_ball(ball: dict[str, Any], link: str, positions: Array) -> tuple[Array, Array]:
-    """Distance from a ball to a link, and the link's nearest point.
-
-    Args:
-        ball: as configured.
-        link: its name.
-        positions: of the joints, (ticks, n) [rad].
-
-    Returns:
-        (ticks,) [m], negative inside; (ticks, 3) [m], seen from the ball's centre.
-    """
-    import coal
-
-    robot = load(ROBOT)
-    kinematics = Kinematics(robot)
-    seen, seen_from = kinematics.frame_id(link), kinematics.frame_id(ball["frame"])
-    ((shape, middle, axes),) = collision_shapes(robot)[link]
-    origin, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, robot.n))
-    sphere, center = coal.Sphere(ball["radius_m"]), np.array(ball["center_m"])
-    request = coal.DistanceRequest()
-    gap, nearest = np.zeros(len(positions)), np.zeros((len(positions), 3))
-    for tick, position in enumerate(positions):
-        kinematics.update(position)
-        kinematics.frame(seen, seen_from, origin, turn, jacobian)
-        found = coal.DistanceResult()
-        gap[tick] = coal.distance(
-            shape,
-            coal.Transform3s(turn @ axes, origin + turn @ middle),
-            sphere,
-            coal.Transform3s(np.eye(3), center),
-            request,
-            found,
-        )
-        nearest[tick] = found.getNearestPoint1() - center
-    return gap, nearest
 
 
 def rows(found: Obstacle) -> list[Row]:
     """What (25) promises, and that without it the ball would be hit."""
     around, through = found.passages[ROUND], found.passages[THROUGH]
     done, item = around.done, "(25): obstacle"
+    clear = (
+        "Found again by Coal, from the ball to the URDF's own shapes; the config asks for "
+        f"{1e3 * found.clearance:g} mm"
+    )
+    hit = "The same config without it goes through the ball: it is the constraint that leads round"
+    gap, none = float(around.distance.min()), float(through.distance.min())
+    left, wide = float(done.error[-1] / done.error[0]), (found.clearance - CURVED, None)
+    falling = "Along the ball V falls on as asked, with ρ = 1"
     return [
-        bounded(
-            f"{item}, least distance from ball to arm",
-            "at least 0",
-            float(around.distance.min()),
-            (found.clearance - CURVED, None),
-            "Found again by Coal, from the ball to the URDF's own shapes; the config asks for "
-            f"{1e3 * found.clearance:g} mm",
-            unit="m",
-        ),
-        bounded(
-            f"{item}, least distance without the constraint",
-            None,
-            float(through.distance.min()),
-            (None, 0.0),
-            "The same config without it goes through the ball: it is the constraint that leads "
-            "round",
-            unit="m",
-        ),
-        bounded(
-            f"{item}, |e| at the end / |e| at the start",
-            "0 in time",
-            float(done.error[-1] / done.error[0]),
-            (None, 0.1),
-            "Along the ball V falls on as asked, with ρ = 1",
-        ),
+        bounded(f"{item}, least distance from ball to arm", "at least 0", gap, wide, clear,
+                unit="m"),
+        bounded(f"{item}, least distance without the constraint", None, none, (None, 0.0), hit,
+                unit="m"),
+        bounded(f"{item}, |e| at the end / |e| at the start", "0 in time", left, (None, 0.1),
+                falling),
         falls(item, done),
         *certified(item, done, -CURVED),
-    ]
+    ]  # fmt: skip
 
 
 def draw(found: Obstacle) -> Figure:

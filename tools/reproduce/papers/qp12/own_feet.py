@@ -18,7 +18,7 @@ from hoap3.robot_emulator.config import read_config as emulator_config
 from hoap3.robot_emulator.plants.mujoco.plant import MujocoPlant
 from hoap3.tools.reproduce.figures import Array, Axis, Curve, Figure, Panel, level, lines
 from hoap3.tools.reproduce.papers.qp12.experiments import BETA, FRAME, PERIOD_S, TARGET_M, U_MAX
-from hoap3.tools.reproduce.papers.qp12.reference import SCALES, TRIALS, Law
+from hoap3.tools.reproduce.papers.qp12.reference import CASES, TRIALS, Law
 from hoap3.tools.reproduce.rows import Row, bounded, measured
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
@@ -110,10 +110,10 @@ def stand(
     return Stood(np.array(places) - TARGET_M, body.summary(), counts, body.saturated)
 
 
-def law_settings(law: Law, scale: str = SCALES["A"]) -> dict[str, Any]:
+def law_settings(law: Law, case: str = "A") -> dict[str, Any]:
     """Settings of qp12 with γ, or of pinv."""
     task = {"frame": FRAME, "target_m": TARGET_M, "u_max_rad_s": U_MAX, "beta": BETA}
-    loop = {"kinematics_from": "measured", "integrate_from": "reference", "psi_scale": scale}
+    loop = {"kinematics_from": "measured", "integrate_from": "reference", **CASES[case]}
     if law.gamma is None:
         return {"controller": "pinv", "parameters": {**task, **loop}}
     gamma = {"gamma": law.gamma, "adaptive_gamma": law.adaptive}
@@ -154,7 +154,7 @@ def both_feet(
 def too_fast(say: Callable[[str], None] = lambda _: None) -> Stood:
     """Ψ without 1/√n around servos of half the damping: beyond what they can follow."""
     say("MuJoCo, one foot, kv 6, psi_scale one: 5 s")
-    return stand("hoap3_one_foot", law_settings(LAWS[0], SCALES["C"]), 5.0, kv=6.0)
+    return stand("hoap3_one_foot", law_settings(LAWS[0], "C"), 5.0, kv=6.0)
 
 
 def draw(held: Mapping[tuple[Law, float], Stood], standing: Mapping[str, Stood]) -> Figure:
@@ -190,27 +190,20 @@ def rows(
         "encoders, integration from the reference"
     )
     noisy = f"{servos}; noise of {1e3 * NOISE_RAD:g} mrad"
-    made = [
-        bounded(
-            f"one foot, {law}{', noise' if noise else ''}: |e| of the physics after 20 s",
-            None,
-            stood.end_mm,
-            (None, NEAR_MM),
-            noisy if noise else servos,
-            unit="mm",
-        )
-        for (law, noise), stood in held.items()
-    ]
+    made = []
+    for (law, noise), stood in held.items():
+        item = f"one foot, {law}{', noise' if noise else ''}: |e| of the physics after 20 s"
+        why = noisy if noise else servos
+        made.append(bounded(item, None, stood.end_mm, (None, NEAR_MM), why, unit="mm"))
     rise = max(stood.rise_mm for stood in held.values())
     why = "√(2·(V − least V so far)) of the simulated centre of mass, the worst of these runs"
     made.append(bounded("one foot: rise of V", None, rise, (None, RISE_MM), why, unit="mm"))
     for name, stood in standing.items():
+        item = f"standing, {name}:"
         if not name.startswith("stable_qp"):
             why = "the law knows of one sole only, and turns it on the floor: no bar"
-            made.append(
-                measured(f"standing, {name}: |e| in the sole", None, stood.end_mm, why, unit="mm")
-            )
-            made.append(measured(f"standing, {name}: tilt", None, stood.tilt_deg, why, unit="°"))
+            made.append(measured(f"{item} |e| in the sole", None, stood.end_mm, why, unit="mm"))
+            made.append(measured(f"{item} tilt", None, stood.tilt_deg, why, unit="°"))
             continue
         both = f"{servos}; fixed_frame keeps the left sole, seen from the right one"
         bars = (
@@ -219,26 +212,18 @@ def rows(
             ("periods with a sole off the ground", stood.lifted, 0.0, ""),
         )
         made += [
-            bounded(f"standing, {name}: {what}", None, ours, (None, bar), both, unit=unit)
+            bounded(f"{item} {what}", None, ours, (None, bar), both, unit=unit)
             for what, ours, bar, unit in bars
         ]
         why = "soles give way to the floor, so the world sees another place than the sole"
-        made.append(
-            measured(f"standing, {name}: |e| in the world", None, stood.beside_mm, why, unit="mm")
-        )
+        made.append(measured(f"{item} |e| in the world", None, stood.beside_mm, why, unit="mm"))
     limit = beyond.told["servo_rate_limit_1_s"]
     certified, certifiable = beyond.certified
     why = f"faster than the servos, {limit:.2f} 1/s: it falls, and nothing is certified"
+    item, fallen = "psi_scale one, kv 6:", (FALLEN_MM, None)
     return [
         *made,
-        bounded(
-            "psi_scale one, kv 6: |e| after 5 s",
-            None,
-            beyond.end_mm,
-            (FALLEN_MM, None),
-            why,
-            unit="mm",
-        ),
-        bounded("psi_scale one, kv 6: certified answers", None, certified, (0.0, 0.0), why),
-        bounded("psi_scale one, kv 6: answers to certify", None, certifiable, (1.0, None), why),
+        bounded(f"{item} |e| after 5 s", None, beyond.end_mm, fallen, why, unit="mm"),
+        bounded(f"{item} certified answers", None, certified, (0.0, 0.0), why),
+        bounded(f"{item} answers to certify", None, certifiable, (1.0, None), why),
     ]

@@ -22,13 +22,16 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
         corrections,
         drawings,
         humanoid,
+        oracle,
         runs,
         table,
     )
 
     ur5 = runs.run_all(say)
     figures = drawings.draw_all(ur5)
-    rows = [*table.rows(ur5), *claims.rows(ur5)]
+    say("The same runs by the oracle: plain numpy, about a minute")
+    expected = oracle.run_all()
+    rows = [*table.rows(ur5, expected), *claims.rows(ur5, expected)]
     say("Other frames, and the UR5 of the emulator")
     rows += conventions.rows(ur5.fast, conventions.run_all())
     say("What the paper has wrong")

@@ -12,12 +12,14 @@ from hoap3.remote_controller.solvers.clik.clik_reference import (
 )
 from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic, installed
 from hoap3.remote_controller.solvers.sdp.sdp_gains import DELTA, SdpGains
+from hoap3.remote_controller.solvers.sdp.sdp_reference import optimum
 from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.sdp import oracle
 from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, toolbox
 from hoap3.tools.reproduce.papers.sdp.loop import AT_LIMIT, scheduled
 from hoap3.tools.reproduce.papers.sdp.runs import Runs
-from hoap3.tools.reproduce.papers.sdp.table import printed
+from hoap3.tools.reproduce.papers.sdp.table import same
 from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
 UNSTABLE: tuple[tuple[int, int], Array] = (
@@ -44,7 +46,7 @@ def _no_gains() -> list[Row]:
     return [
         near("section III: rank of the tasks of a counterexample", None, solver.task_rank, len(J),
              _COUNTEREXAMPLE, absolute=0.0),
-        near("section III: its β", "guaranteed", solver.beta, 0.0, _COUNTEREXAMPLE, unit="1/s",
+        near("section III: its β", None, solver.beta, 0.0, _COUNTEREXAMPLE, unit="1/s",
              absolute=0.0),
         bounded("section III: it is named, and the robot keeps still", None, float(named),
                 (1.0, 1.0), _COUNTEREXAMPLE),
@@ -79,9 +81,11 @@ def _transposed() -> list[Row]:
     )
     x = ref.FAST * clarabel(P, q, A, b, used.size, size)[0]
     actual = certified(L, x[:-1], ref.DT_S)
+    known = J @ printed_B, B * errors, -limit, limit, ref.DT_S * ref.FAST, DELTA
+    expected = ref.FAST * optimum(*known)[1]
     return [
-        printed("(22): β(0), β̃ = 8, with Jᵀ as printed", float(x[-1]), ref.TRANSPOSED_BETA,
-                _TRANSPOSED, "1/s"),
+        near("(22): β(0), β̃ = 8, with Jᵀ as printed", None, float(x[-1]), expected,
+             f"{_TRANSPOSED}. Next to it the oracle's optimum", unit="1/s"),
         measured("(22): β that these gains have by (14)", None, actual, _TRANSPOSED,
                  unit="1/s"),
     ]  # fmt: skip
@@ -91,8 +95,8 @@ def _regularised(runs: Runs) -> list[Row]:
     """δ of (27) lowers β where no limit does."""
     margin = ref.LIMIT_RAD_S - float(np.abs(runs.slow.dq[0]).max())
     return [
-        printed(f"(27): β(0), β̃ = {ref.SLOW:g}, δ = 5·10⁻⁵", float(runs.slow.beta[0]),
-                ref.REGULARISED_BETA, _DELTA, "1/s"),
+        same(f"(27): β(0), β̃ = {ref.SLOW:g}, δ = 5·10⁻⁵", float(runs.slow.beta[0]),
+             float(oracle.scheduled(ref.SLOW, seconds=0.0).beta[0]), _DELTA, "1/s"),
         bounded("(27): least distance from a limit there", None, margin, (AT_LIMIT, None), _DELTA,
                 unit="rad/s"),
         near(f"(27): β(0), β̃ = {ref.SLOW:g}, δ a millionth of that", None,
@@ -111,9 +115,11 @@ def _beta(desired: float, delta: float) -> float:
 
 def _weighted() -> Row:
     """(9) adds squares of anything."""
-    run = scheduled(ref.FAST, seconds=1.0, weights=(1.0, 1.0, 1.0, ref.WRIST_WEIGHT))
+    weights = (1.0, 1.0, 1.0, ref.WRIST_WEIGHT)
+    run = scheduled(ref.FAST, seconds=1.0, weights=weights)
+    expected = oracle.scheduled(ref.FAST, seconds=1.0, weights=weights)
     item = f"(9): β(1 s), β̃ = {ref.FAST:g}, w₂ = {ref.WRIST_WEIGHT:g}"
-    return printed(item, float(run.beta[-1]), ref.WEIGHTED_BETA, _WEIGHTS, "1/s")
+    return same(item, float(run.beta[-1]), float(expected.beta[-1]), _WEIGHTS, "1/s")
 
 
 _COUNTEREXAMPLE = (
