@@ -19,7 +19,6 @@ from hoap3.remote_controller.controllers.base import (
 from hoap3.remote_controller.controllers.lyapunov_qp import settings
 from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnostics
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
-from hoap3.remote_controller.controllers.progress import is_within
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
 from hoap3.remote_controller.default_task import default_goal
@@ -379,7 +378,8 @@ class StableQpController(VelocityController):
             and not self.is_stationary
         )
         arrived = psi == drift == 0.0 and solver.path == STILL and found == status.OK
-        arrived = arrived and (V == 0.0 or is_within(self.function.accuracy()))
+        arrived = arrived and not self.is_stationary
+        arrived = arrived and all(error.within for error in self.function.accuracy())
         self.judge(solved=answered, at_target=arrived, proven=proven)
 
     def _falls(self, rate: float, required: float) -> bool:

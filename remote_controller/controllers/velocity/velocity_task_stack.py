@@ -12,7 +12,6 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, VelocityController
-from hoap3.remote_controller.controllers.progress import is_within
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
     LabelledTaskParameters,
 )
@@ -215,10 +214,10 @@ class LabelledTasksController(VelocityController):
         command = self.command
         arrived = command.solver_status == STATUS["at_target"]
         if arrived or command.solver_status == STATUS["certified"]:
-            far = arrived and not all(
-                is_within(function.accuracy())
+            far = arrived and any(
+                not error.within
                 for function, judged in zip(self.functions, self.judged(), strict=True)
-                if judged
+                for error in (function.accuracy() if judged else ())
             )
             if far or self.is_stationary:
                 command.solver_status = STATUS["uncertified"]
