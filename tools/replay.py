@@ -247,7 +247,7 @@ class _Engagements:
         self._config, self._file, self._repeated = config, file, repeated
         self._loop: ControllerLoop | None = None
         self._outcome: Outcome | None = None
-        self._digest, self._session = "", None
+        self._digest, self._session = "", 0
         self.controller: Any = None
 
     def begin(self, description: RobotDescription, session: dict[str, Any]) -> ControllerLoop:
@@ -258,7 +258,7 @@ class _Engagements:
             self._digest, self._outcome = description.digest, None
         if self._outcome is None or session["session_id"] != self._session:
             self._outcome = Outcome(self.controller, description)
-        self._session = session["session_id"]
+        self._session = int(session["session_id"])
         lockstep = bool(session["lockstep"])
         clock = VirtualClock() if lockstep else MonotonicClock()
         recorder = self._repeated or NoRecorder()

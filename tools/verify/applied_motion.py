@@ -80,6 +80,27 @@ def _check_jerk(
     claims.at_most("applied jerk", tick[1:], jerk, greatest, off)
 
 
+def check_held_back(
+    stated: int | None, states: Rows, answers: Rows, robot: RobotDescription, claims: Claims
+) -> None:
+    """Count the periods in which a robot that takes positions did not go to its setpoint.
+
+    While it stops, or where two messages answer one tick, it is not known: these may count or not.
+    """
+    told = states["followed"].size and len(answers)
+    if stated is None or robot.command_kinds[0] != "position" or not told:
+        return
+    moves = np.isin(states["mode"], (State.ACTIVE, State.STOPPING))
+    ticks, first, counts = np.unique(answers["tick"], return_index=True, return_counts=True)
+    followed = np.where(moves, states["followed"][:, 0], -1.0)
+    known = np.isin(followed, ticks[counts == 1])
+    values = answers["values"][first[np.searchsorted(ticks, followed[known])]]
+    held = int((values != states["reference"][known]).any(1).sum())
+    last, unknown = int(states["tick"][-1]), int((moves & ~known).sum())
+    claims.at_most("summary: interventions", last, held - stated, 0.0, 0.0)
+    claims.at_most("summary: interventions", last, stated - held - unknown, 0.0, 0.0)
+
+
 def _check_rest(states: Rows, claims: Claims) -> None:
     """Nothing moves while the robot is at rest."""
     resting = np.isin(states["mode"], (State.IDLE, State.STOPPED))

@@ -16,7 +16,7 @@ from hoap3.protocol.messages import WIRE_VERSION, Event, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.disk_rows import DiskRows, parts
 from hoap3.tools.logs.log import Log
-from hoap3.tools.verify.applied_motion import check_motion
+from hoap3.tools.verify.applied_motion import check_held_back, check_motion
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import as_table
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
@@ -34,13 +34,14 @@ FALLEN_DEG = 45.0
 ANGLE = 1e-5  # degrees: acos next to 1 has half the digits
 
 
-def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
+def check_robot(log: Log, misses_to_stop: int | None, claims: Claims, *, hold: bool) -> None:
     """Everything that can be recounted from a robot's own log.
 
     Args:
         log: of the robot, written by itself.
         misses_to_stop: misses in a row that end in a safe stop; None where nobody says.
         claims: takes what was compared.
+        hold: whether the robot keeps to the last setpoint where one is missing.
 
     Raises:
         LogError: a record that cannot be read.
@@ -92,6 +93,8 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
         _check_schedule(table, *logged, round(log.description.period_s * 1e9), claims)
         check_motion(table, log.description, claims)
         check_body(summary, table, log.description, claims)
+        stated = summary.get("interventions") if whole and hold else None
+        check_held_back(stated, table, log.setpoints(), log.description, claims)
 
 
 def _check_schedule(

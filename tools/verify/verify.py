@@ -133,7 +133,8 @@ def _check_side(log: Log, claims: Claims, say: Callable[[str], None]) -> None:
         check_log_times(log, _compute_time(config or {}), claims)
     if log.side == "robot":
         misses = (config or {}).get("misses_to_stop")
-        check_robot(log, misses if isinstance(misses, int) else None, claims)
+        hold = (config or {}).get("loss_policy") == "hold"
+        check_robot(log, misses if isinstance(misses, int) else None, claims, hold=hold)
     else:
         _check_controller(log, config, claims, say)
 

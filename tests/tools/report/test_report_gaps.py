@@ -194,7 +194,8 @@ def command():
 def test_the_command_writes_the_page_and_prints_one_object(command, story, tmp_path):
     done = command(story[0], "--out", tmp_path / "page.html", "--json")
     figures = json.loads(done.stdout)
-    assert done.exit_code == ("fail" in figures["verdicts"].values())
+    unjudged = bool(figures["verified"]["unjudged"])
+    assert done.exit_code == (unjudged or "fail" in figures["verdicts"].values())
     assert figures["report"] == str(tmp_path / "page.html")
     assert figures["verdicts"]["deadlines"] == "pass"
     assert figures["rtt_us"]["n"] == 600 - 2 - 7  # two skipped, seven lost
@@ -257,7 +258,7 @@ def test_a_repaired_log_is_still_a_finding_and_is_not_to_be_repaired_again(
     assert "--repair" not in done.stderr
 
 
-def test_a_controller_that_never_told_what_its_answers_came_to_is_a_finding(command, tmp_path):
+def test_answers_of_a_controller_that_cannot_be_repeated_are_a_finding(command, tmp_path):
     untold, unheard = tmp_path / "untold", tmp_path / "unheard"
     untold.mkdir()
     unheard.mkdir()
@@ -265,11 +266,13 @@ def test_a_controller_that_never_told_what_its_answers_came_to_is_a_finding(comm
     done = command(folder, "--json")
     figures = json.loads(done.stdout)
     assert done.exit_code == 1
-    assert figures["verdicts"]["task"] == "fail"
-    assert figures["task"]["reasons"] == ["not_told_by_controller"]
+    assert not failed({"task": figures["verdicts"]["task"]})
+    assert figures["task"]["errors"] == []
+    assert any("config" in part for part in figures["verified"]["unjudged"])
+    assert "config" in done.stderr
     assert figures["damaged"] == {}
     alone = json.loads(command(Story(300).write(unheard, controller=False), "--json").stdout)
-    assert alone["verdicts"]["task"] is None
+    assert alone["verdicts"]["task"] == "not judged"
     assert not failed(alone["verdicts"])
 
 
@@ -298,12 +301,11 @@ def summed_up(folder, *, at: int, **about):
     return folder
 
 
-def test_a_summary_before_the_last_answer_is_no_outcome(tmp_path):
-    ended = read_content(summed_up(tmp_path / "ended", at=400)).judged
-    assert ended["verdicts"]["task"] == "pass"
-    going_on = read_content(summed_up(tmp_path / "on", at=150)).judged
-    assert going_on["verdicts"]["task"] == "fail"
-    assert going_on["task"]["reasons"] == ["not_told_by_controller"]
+def test_a_summary_of_a_controller_that_cannot_be_repeated_is_no_outcome(tmp_path):
+    content = read_content(summed_up(tmp_path / "ended", at=400))
+    assert content.judged["task"]["certified"] == 0
+    assert not failed({"task": content.judged["verdicts"]["task"]})
+    assert content.checked.unjudged
 
 
 def test_a_recording_from_outside_that_is_cut_off_is_not_judged(tmp_path):

@@ -131,11 +131,12 @@ class _Times:
                 self._at_least(kind, self._last, stamp)
         for claim, (ticks, offs) in self._found.items():
             claims.equal(claim, np.array(ticks), np.array(offs), np.zeros(len(offs)), 0.0)
-        if self._states and said is None:
+        if not self._states:
+            return
+        if said is None:
             claims.unverified(f"session of the {side}", 1, "it is not in the log")
-        elif self._states:
-            stated = said.get("side"), said.get("lockstep")
-            found = side, self._virtual
+        else:
+            stated, found = (said.get("side"), said.get("lockstep")), (side, self._virtual)
             claims.equal(f"session of the {side}", self._tick, stated == found, True, 0.0)
         name = f"description of the {side}"
         try:

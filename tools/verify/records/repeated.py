@@ -118,10 +118,9 @@ def check_repeated(
 
 def _compare(logged: Records, again: Records, claims: Claims, *, whole: bool, old: bool) -> None:
     """Compare records; those of another version only as far as they go."""
-    for stated, found in zip(logged.sessions[: 0 if old else None], again.sessions, strict=False):
-        _equal("session of the controller", 0, stated, found, claims, old=old)
-    known = logged.counts.keys() if old else logged.counts.keys() | again.counts.keys()
-    for name, tick, text in sorted(known):
+    for one, other in zip(logged.sessions[: 0 if old else None], again.sessions, strict=False):
+        _equal("session of the controller", 0, one, other, claims, old=old)
+    for name, tick, text in sorted({*logged.counts, *(() if old else again.counts)}):
         if whole or tick < logged.tick:  # the last tick of a log that ends early may lack some
             counts = logged.counts[name, tick, text], again.counts[name, tick, text]
             claims.equal(name, tick, *counts, 0.0)
@@ -132,8 +131,7 @@ def _compare(logged: Records, again: Records, claims: Claims, *, whole: bool, ol
             claims.unverified("summary", 1, missing)
         else:
             found = found or {}
-            known = stated.keys() if old else stated.keys() | found.keys()
-            for name in sorted(known - FROM_OUTSIDE):
+            for name in sorted({*stated, *(() if old else found)} - FROM_OUTSIDE):
                 value = stated.get(name), found.get(name)
                 _equal(f"summary: {name}", logged.tick, *value, claims, old=old)
 
