@@ -47,13 +47,22 @@ def test_an_older_tick_is_not_answered():
     assert bench.answer(bench.state(7)) is not None
 
 
-def test_a_state_of_another_session_makes_the_loop_stale():
+def test_states_of_another_session_alone_make_the_loop_stale():
     bench = Bench()
     bench.answer(bench.state(5))
-    assert not bench.loop.stale
-    assert bench.answer(bench.state(6, session_id=8)) is None
+    for tick in range(6, 6 + MOST_STRANGE_STATES):
+        assert not bench.loop.stale
+        assert bench.answer(bench.state(tick, session_id=8)) is None
     assert bench.loop.stale
     assert bench.controller.steps == [5]
+
+
+def test_states_of_another_robot_of_the_name_between_those_of_ours_do_not():
+    bench = Bench()
+    for tick in range(5, 5 + 2 * MOST_STRANGE_STATES):
+        bench.answer(bench.state(tick))
+        assert bench.answer(bench.state(tick, session_id=8)) is None
+    assert not bench.loop.stale
 
 
 def test_ticks_that_stay_behind_a_forged_one_make_the_loop_stale():

@@ -334,6 +334,9 @@ class Link:
     session_id = 7
     wire_version = 1
 
+    def name_conflict(self) -> str:
+        return ""
+
     def ask(self, verb: str, *, body: bytes) -> bytes:
         status = {"mode": "idle", "holder": None, "session_id": self.session_id, "tick": 3}
         status["lockstep"] = False

@@ -40,6 +40,13 @@ def said(folder: Path) -> dict[str, Any]:
     return found
 
 
+def without_counts(said: Any) -> Any:
+    """The same without how much was checked: the order of records of one time may be lost."""
+    if isinstance(said, dict):
+        return {name: without_counts(each) for name, each in said.items() if name != "checked"}
+    return said
+
+
 @pytest.mark.parametrize(
     "way",
     [way if way in FAST else pytest.param(way, marks=pytest.mark.slow) for way in WAYS],
@@ -50,4 +57,6 @@ def test_a_rewritten_run_says_the_same(run: Path, tmp_path: Path, way: str) -> N
     expected, found = said(run), said(tmp_path)
     assert found["replay"]["identical"]
     assert found["verify"]["verdict"] == "true"
+    if way == "shuffled":
+        expected, found = without_counts(expected), without_counts(found)
     assert found == expected

@@ -12,7 +12,14 @@ from hoap3.protocol.config.endpoints import Place, over_tls
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError
 from hoap3.protocol.link.local_control import LocalRobot, local_robots, others_here
 from hoap3.protocol.secure.refusals import listens
-from hoap3.tools.services.client import ENDPOINT, alive, check_name, tell
+from hoap3.tools.services.client import (
+    ENDPOINT,
+    alive,
+    check_name,
+    check_right,
+    client_settings,
+    tell,
+)
 
 Answer = dict[str, Any]
 REMEDY = "Start it (`hoap3 emulator`), or give its endpoint: --connect, in Python `endpoint=`"
@@ -35,6 +42,8 @@ def ask_robots(
         UsageError, LinkError: as for `reach_robot`, or none answers.
         WireError: its answer makes no sense.
     """
+    if isinstance(endpoint, Place):
+        check_right(client_settings(endpoint or Place(over_tls(ENDPOINT), endpoint.secure)), verb)
     found = _find_all(robot) if endpoint is None else []
     if not found:
         name, place = reach_robot(robot, endpoint)

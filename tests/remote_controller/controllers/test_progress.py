@@ -77,7 +77,7 @@ def arm(tmp_path):
 
 def outcome(run: hoap3.Simulation) -> dict:
     told = [json.loads(each.payload) for each in run.records if each.kind == Kind.SUMMARY][-1]
-    return judge("fit", 0, 0, told) | {"told": told}
+    return judge(None, 0, 0, told) | {"told": told}
 
 
 def began(run: hoap3.Simulation) -> list[str]:
@@ -97,7 +97,7 @@ def test_a_stretched_arm_is_stationary_and_its_task_fails(name, arm):
     assert f"stationary: {task}, x of base" in began(run)
     assert set(run.setpoints["solver_status"]) == {STATUS["uncertified"]}
     judged = outcome(run)
-    assert judged["verdicts"]["task"] == "bad"
+    assert judged["verdicts"]["task"] == "fail"
     assert judged["task"]["certified"] == 0
     error = judged["task"]["errors"][0]
     assert (error["within"], error["reason"]) == (False, "stationary: x of base")
@@ -171,5 +171,5 @@ def test_a_joint_at_its_limit_blocks_and_is_named(name, tmp_path):
     names = [each for each in began(run) if each.startswith(("blocked", "stationary"))]
     assert set(names) == {"blocked: bounds of slider"}
     judged = outcome(run)
-    assert judged["verdicts"]["task"] == "bad"
+    assert judged["verdicts"]["task"] == "fail"
     assert judged["task"]["errors"][0]["reason"] == "blocked: bounds of slider"
