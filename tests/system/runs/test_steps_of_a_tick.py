@@ -13,7 +13,7 @@ from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
 WARM, COUNTED = 100, 100  # ticks
-MOST_CALLS = 89
+MOST_CALLS = 96
 
 
 def test_one_state_of_qp12_takes_few_python_calls():
