@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -78,15 +80,48 @@ def dependencies_of(tree: Path) -> tuple[object, ...]:
 
 @contextmanager
 def checked_out(name: str) -> Iterator[Path]:
-    """Files of a revision in a temporary worktree of git."""
-    with tempfile.TemporaryDirectory(prefix="frozen-") as folder:
-        tree = Path(folder).resolve() / "tree"
-        git = ["git", "-C", str(HERE), "worktree"]
-        subprocess.run([*git, "add", "--quiet", "--detach", str(tree), name], check=True)
+    """Files of a revision in a worktree of git that is removed afterwards."""
+    git = "git", "-C", str(HERE)
+    commit = subprocess.run(
+        [*git, "rev-parse", "--verify", f"{name}^{{commit}}"],
+        check=True, capture_output=True, text=True,
+    ).stdout.strip()  # fmt: skip
+    with reserved_folder(commit) as folder:
+        tree = folder / "tree"
+        remove_worktree(tree)  # of a run that was killed
+        subprocess.run(
+            [*git, "worktree", "add", "--quiet", "--force", "--detach", str(tree), commit],
+            check=True,
+        )
         try:
             yield tree
         finally:
-            subprocess.run([*git, "remove", "--force", str(tree)], check=True)
+            remove_worktree(tree)
+
+
+@contextmanager
+def reserved_folder(commit: str) -> Iterator[Path]:
+    """A folder of a commit that nobody else uses: the same each time, if possible.
+
+    numba finds compiled kernels by the path of their source, so another path costs minutes.
+    """
+    folder = Path.home() / ".cache" / "hoap3-frozen" / commit
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print("another comparison uses this revision: kernels are compiled again", flush=True)
+            with tempfile.TemporaryDirectory(prefix="frozen-") as other:
+                yield Path(other).resolve()
+        else:
+            yield folder
+
+
+def remove_worktree(tree: Path) -> None:
+    """Remove a worktree and what git knows of it."""
+    shutil.rmtree(tree, ignore_errors=True)
+    subprocess.run(["git", "-C", str(HERE), "worktree", "prune"], check=True)
 
 
 def interpreter_for(tree: Path, *, fresh: bool) -> str:
@@ -96,7 +131,7 @@ def interpreter_for(tree: Path, *, fresh: bool) -> str:
         return sys.executable
     folder = tree.parent / "environment"
     print(f"environment: a new one in {folder}", flush=True)
-    venv.create(folder, with_pip=True)
+    venv.create(folder, with_pip=True, clear=True)
     python = str(folder / "bin" / "python")
     extras = [name for name in EXTRAS if name in project_of(tree)["optional-dependencies"]]
     words = ["install", "--quiet", "-e", f"{tree}[{','.join(extras)}]"]
