@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import DescriptionError, LogError
+from hoap3.protocol.errors import ConfigError, DescriptionError, LogError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
@@ -136,7 +137,8 @@ class _Times:
         if said is None:
             claims.unverified(f"session of the {side}", 1, "it is not in the log")
         else:
-            stated, found = (said.get("side"), said.get("lockstep")), (side, self._virtual)
+            virtual = said.get("lockstep") if self._over_tcp() else self._virtual
+            stated, found = (said.get("side"), said.get("lockstep")), (side, virtual)
             claims.equal(f"session of the {side}", self._tick, stated == found, True, 0.0)
         name = f"description of the {side}"
         try:
@@ -147,3 +149,11 @@ class _Times:
                 RobotDescription.from_json(self._description)
         except (LogError, DescriptionError) as error:
             claims.unverified(name, 1, str(error))
+
+    def _over_tcp(self) -> bool:
+        """Whether the States came over HOAP-3's TCP, which carries none of the robot's stamps."""
+        try:
+            link = parse_yaml(self._log.config, "config.yaml").get("link")
+        except (ConfigError, LogError, AttributeError):
+            return False
+        return isinstance(link, dict) and link.get("kind") == "hoap3_tcp"
