@@ -21,6 +21,8 @@ INVALID = "invalid certificate: "
 """Begin of the reason why an answer with an invalid field is not certified."""
 STATIONARY = "stationary: "
 """Begin of the conditions of tasks whose gradient vanishes: no answer is certified in these."""
+BLOCKED = "blocked: "
+"""Begin of the conditions that bounds or constraints keep a task from progress."""
 RHO_MAX = 1.0 + 1e-9
 FIELDS = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "values")
 

@@ -9,12 +9,11 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.certificate import STATIONARY
+from hoap3.remote_controller.controllers.certificate import BLOCKED, STATIONARY
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.registry import FollowedTask
 
 LASTING_S = 0.1  # for which a task makes no progress before it counts as blocked
-BLOCKED = "blocked: "
 
 
 class Progress:

@@ -20,7 +20,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.remote_controller.controllers.certificate import STATIONARY
+from hoap3.remote_controller.controllers.certificate import BLOCKED, STATIONARY
 from hoap3.tools.logs.disk_rows import DiskRows, RowsAt, parts
 from hoap3.tools.verify.tasks.live import Messages, Taken
 
@@ -106,7 +106,8 @@ class ControllerRun:
     def names_stationary(self) -> bool:
         """Whether the controller logs stationary tasks; those of older releases certified them."""
         return any(
-            str(name).startswith(STATIONARY) for name in self.session.get("conditions") or ()
+            str(name).startswith((STATIONARY, BLOCKED))
+            for name in self.session.get("conditions") or ()
         )
 
     @property

@@ -34,7 +34,7 @@ def told(tmp_path_factory):
 def test_one_line_says_whose_task_differs(told):
     done, folder = told
     found = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
-    assert all("task bad" in finding for finding in found["findings"])  # it is no finding itself
+    assert all("task fail" in finding for finding in found["findings"])  # it is no finding itself
     assert LINE in done.stdout.splitlines()
     assert LINE in (folder / "compare.html").read_text(encoding="utf-8")
 

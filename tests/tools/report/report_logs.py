@@ -80,7 +80,8 @@ def active_log(
         }
         records.append(Record(Kind.STATE, at + 9, fill(State(n), rng, **given)))
         fields = setpoint(tick) if callable(setpoint) else setpoint or {}
-        given = {**same, "tick": tick, "stamp_state": at + 9, "command": 0, **fields}
+        given = {**same, "tick": tick, "stamp_state": at + 9, "command": 0}
+        given |= {"kkt_residual": 0.0, **fields}
         records.append(Record(Kind.SETPOINT, at + 99, fill(Setpoint(n), rng, **given)))
     for place, (kind, detail) in enumerate(events):
         event, at = Event(), START + place

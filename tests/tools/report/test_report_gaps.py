@@ -97,7 +97,7 @@ def test_only_the_controllers_log(lockstep):
     assert motion(content) == ["views", "sole", "path", "positions", "v", "psi", "u", "active"]
     assert content.timing_drawings == ()
     assert "success rate, raw" not in tile_names(content)
-    assert content.as_json()["verdicts"]["deadlines"] is None
+    assert content.as_json()["verdicts"]["deadlines"] == "not judged"
 
 
 def test_a_damaged_log_of_one_side_does_not_hide_the_other(lockstep, tmp_path):
@@ -122,7 +122,7 @@ def test_a_safe_stop_is_told_before_anything_else(tmp_path):
     content = read_content(active_log(tmp_path, events=(stop,)))
     assert "brought to a safe stop" in said(content)
     assert content.as_json()["safe_stops"] == 1
-    assert content.timing.verdict == "fail"
+    assert content.timing.verdict["verdict"] == "fail"
 
 
 def test_a_robot_without_soles_has_a_path_and_no_polygon(tmp_path):
@@ -312,4 +312,4 @@ def test_a_recording_from_outside_that_is_cut_off_is_not_judged(tmp_path):
     folder = active_log(tmp_path, metadata={"run": {"recorded": "from outside"}})
     content = read_content(cut(folder, "robot.mcap", 0.999))
     assert list(content.sources.damaged) == ["robot"]
-    assert set(content.judged["verdicts"].values()) == {None}
+    assert set(content.judged["verdicts"].values()) == {"not judged"}

@@ -81,7 +81,7 @@ def test_a_page_is_told_no_more_of_a_long_log_than_fits_on_it(part, tmp_path):
     finally:
         tracemalloc.stop()
     assert told["to_s"] - told["from_s"] == pytest.approx(PARTS * TICKS / 1000, rel=1e-2)
-    assert len(told["events"]) == log_overview.EVENTS
+    assert len(told["events"]) == log_overview.EVENTS + 1  # the last counts the others
     assert 0 < len(told["worst"]) <= 2 * log_overview.WORST
     assert told["overview"]
     assert all(len(curve) <= log_overview.BINS for curve in told["overview"].values())

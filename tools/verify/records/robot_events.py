@@ -24,6 +24,7 @@ BY_REQUEST = {
     ("recover", "recovered", True): "RECOVERED",
 }
 MISSES = CONSTANTS["REASON_MISSES"]
+SCHEDULE_END = CONSTANTS["REASON_ENDED"]  # may come in the tick of the last miss
 CAUSES = {
     CONSTANTS["REASON_RELEASED"]: "RELEASED",
     CONSTANTS["REASON_HOLDER_LOST"]: "HOLDER_LOST",
@@ -86,7 +87,8 @@ class RobotEvents:
                 cause = CAUSES.get(detail)
                 known = self._served[cause] > 0 or self._limited if cause else detail in REASONS
                 missed = self._limit is not None and run >= self._limit
-                self._check(name, known and (detail == MISSES) == missed, tick)
+                because = missed if detail == MISSES else not missed or detail == SCHEDULE_END
+                self._check(name, known and because, tick)
             elif name == "AT_REST":
                 self._check(name, detail == at - self._stopped, tick)
             elif name == "SKIPPED":
