@@ -401,6 +401,8 @@ class McapScan:
             return f"it ends behind byte {self.end}, unfinished"
         opcode, length = _RECORD.unpack(head)
         start = self.end + _RECORD.size
+        if self.end == len(MAGIC) and opcode != Opcode.HEADER:
+            return f"its first record, at byte {self.end}, is not a header"
         if not opcode or start + length > self.size:
             return f"it ends inside a record that begins at byte {self.end}"
         if opcode == Opcode.MESSAGE:

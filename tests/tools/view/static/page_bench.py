@@ -140,7 +140,10 @@ def frame(tick: int, **more: Any) -> dict[str, Any]:
             "is": -0.6 * math.exp(-at_s / 3),
             "margin": None,
         },
-        "verdicts": {"deadlines": "pass", "task": "fail", "limits_and_balance": None},
+        "verdicts": {
+            "deadlines": {"verdict": "pass", "words": ""},
+            "task": {"verdict": "fail", "words": "error above tolerance at the end"},
+        },
         **more,
     }
 
