@@ -120,8 +120,9 @@ def reserved_folder(commit: str) -> Iterator[Path]:
 
 def remove_worktree(tree: Path) -> None:
     """Remove a worktree and what git knows of it."""
-    shutil.rmtree(tree, ignore_errors=True)
-    subprocess.run(["git", "-C", str(HERE), "worktree", "prune"], check=True)
+    command = ["git", "-C", str(HERE), "worktree", "remove", "--force", "--force", str(tree)]
+    subprocess.run(command, check=False, capture_output=True)
+    shutil.rmtree(tree, ignore_errors=True)  # a folder that git does not know
 
 
 def interpreter_for(tree: Path, *, fresh: bool) -> str:
