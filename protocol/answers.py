@@ -136,7 +136,7 @@ class OperatorAnswer(Answer):
         epoch, session_id: that targets carry.
         following: whether the robot follows the controller.
         targets: all that can be steered, in the order of their numbers.
-        taken, late_points, refused: what came of messages, the last by reason.
+        taken, late_points, lost, refused: counts of messages, the last by reason.
         newest: number of the last message that has come; controllers before this one do not tell.
     """
 
@@ -146,6 +146,7 @@ class OperatorAnswer(Answer):
     targets: list[Steered]
     taken: Uint64
     late_points: Uint64
+    lost: Uint64 = 0
     refused: dict[str, int]
     newest: Uint64 | None = None
 

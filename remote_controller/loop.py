@@ -91,7 +91,9 @@ class ControllerLoop:
         steered: whether there are any.
         claim: authority under which it answers, if any.
         steps: States that the controller has processed.
-        answered, overwritten, repeated, rejected: counts of States.
+        answered, overwritten, repeated, rejected, foreign: counts of States: answered, replaced by
+            newer ones, received twice, malformed, of another session.
+        rejected_events, foreign_events: counts of Events: malformed, of another session.
         summary: what the answers came to, as `Outcome.as_json` has it; None before the first
             `sum_up`.
     """
@@ -114,6 +116,7 @@ class ControllerLoop:
         self._event.session_id = session_id
         self._request_limit = EventLimit(("about", "change", "show", "tasks"))
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
+        self.foreign = self.rejected_events = self.foreign_events = 0
         self.steering = Steering(controller.live, session_id, controller.description.period_s)
         self.steered, self._silent = bool(controller.live), False
         self._robot_event = Event()
@@ -201,6 +204,7 @@ class ControllerLoop:
             return None
         tick, session_id, epoch, claim = state.tick, state.session_id, state.epoch, self.claim
         if not claim.fits(session_id):
+            self.foreign += 1
             self.claim = claim.hear(session_id, state.mode, epoch, state.epoch_from_tick)
             return None
         if tick <= self._last_tick:
@@ -277,9 +281,11 @@ class ControllerLoop:
         event = self._robot_event
         try:
             event.load(payload)
-        except WireError:
-            return  # anybody may publish there
+        except WireError:  # any client may publish there
+            self.rejected_events += 1
+            return
         if event.session_id != self.claim.session_id:
+            self.foreign_events += 1
             return
         now = self._clock.now()
         if event.kind == EVENTS["CONFLICTING_SETPOINTS"] and now >= self._conflict_due:
@@ -396,6 +402,17 @@ class ControllerLoop:
             return json.dumps({"error": None, "now": now}).encode()
         except (Exception, SystemExit) as error:
             raise failure(controller, "failed to say what it is", error) from error
+
+    def ignored(self) -> str:
+        """Return how many messages had no effect, by reason; "" where there were none."""
+        counts = {
+            "repeated States": self.repeated,
+            "malformed States": self.rejected,
+            "States of other sessions": self.foreign,
+            "malformed Events": self.rejected_events,
+            "Events of other sessions": self.foreign_events,
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
     def outcome(self) -> dict[str, Any]:
         """What the answers came to so far, and how the tasks stand.

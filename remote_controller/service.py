@@ -421,8 +421,9 @@ class Service:
             if grant.granted:
                 return grant
             if grant.reason == "name_taken":
-                text = f"robot {link.robot!r} grants no authority: another robot uses its name"
-                self._tell_once("conflict", text)
+                taken = f"robot {link.robot!r} grants no authority: another robot uses its name"
+                conflict = "" if isinstance(link, Hoap3ControllerLink) else link.name_conflict()
+                self._tell_once("conflict", f"{conflict or taken}. Waiting until one is left")
                 return None
             if grant.holder is None or grant.reason == "no_token":
                 unseen += 1
@@ -486,6 +487,8 @@ class Service:
         loop.sum_up()
         if loop.steered:
             self._report(Routine(str(loop.steering)))
+        if ignored := loop.ignored():
+            self._report(f"ignored messages: {ignored}")
 
     def _hear_senders(self, link: Link, loop: ControllerLoop) -> None:
         """Take a Target, and note an operator that vanished; one for each State, as above."""

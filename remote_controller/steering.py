@@ -43,15 +43,16 @@ class Steering:
     Attributes:
         operator: who steers, "" for nobody.
         taken, late_points: messages that count, and their points that were in the past.
+        lost: messages of operators that never arrived, by the gaps between the numbers of others.
         refused: messages that do not, by reason.
     """
 
     def __init__(self, live: Sequence[Live], session_id: int, period_s: float) -> None:
         self._live, self._session_id, self._period = tuple(live), session_id, period_s
         self._lease = round(LEASE_S / period_s)
-        self._epoch = self._heard = self._newest = 0
+        self._epoch = self._heard = self._newest = self._last_number = 0
         self.operator = ""
-        self.taken = self.late_points = 0
+        self.taken = self.late_points = self.lost = 0
         self.refused = dict.fromkeys(REFUSALS, 0)
         self._before = self.counts()  # when somebody began to steer
 
@@ -77,7 +78,8 @@ class Steering:
         if not self.operator:
             base = authority * GRANTS
             self._epoch = max(self._epoch, base) + 1
-            self.operator, self._newest, self._before = who, 0, self.counts()
+            self.operator, self._before = who, self.counts()
+            self._newest = self._last_number = 0
         self._heard = tick
         return {
             "epoch": self._epoch,
@@ -153,7 +155,7 @@ class Steering:
 
     def counts(self, since: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """What came of all messages, or of those since other counts."""
-        before = since or {"taken": 0, "late_points": 0, "refused": {}}
+        before = since or {"taken": 0, "late_points": 0, "lost": 0, "refused": {}}
         refused = {
             reason: count - before["refused"].get(reason, 0)
             for reason, count in self.refused.items()
@@ -162,6 +164,7 @@ class Steering:
         return {
             "taken": self.taken - before["taken"],
             "late_points": self.late_points - before["late_points"],
+            "lost": self.lost - before["lost"],
             "refused": refused,
         }
 
@@ -175,7 +178,7 @@ class Steering:
         )
         return (
             f"targets: {self.taken} taken, {self.late_points} of their points late; "
-            f"refused: {refused or 'none'}"
+            f"{self.lost} lost; refused: {refused or 'none'}"
         )
 
     def _expire(self, tick: int) -> None:
@@ -193,10 +196,14 @@ class Steering:
             return "malformed"
         if version != Target.schema.version:
             return "malformed"
+        is_operator = self.operator != "" and (who, epoch) == (self.operator, self._epoch)
+        if is_operator and session_id == self._session_id and number > self._last_number:
+            self.lost += number - self._last_number - 1
+            self._last_number = number
         if not following:
             return "not_following"
         if session_id != self._session_id:
             return "other_session"
-        if not self.operator or who != self.operator or epoch != self._epoch:
+        if not is_operator:
             return "not_operator"
         return "behind" if number <= self._newest else ""

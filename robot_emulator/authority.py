@@ -90,8 +90,9 @@ class Authority:
             unique: whether no other robot on the network uses the robot's name.
 
         Returns:
-            What comes next, and why it is refused: `NO_TOKEN`, `HELD` by somebody else,
-            `NAME_TAKEN` by another robot, or "".
+            What comes next, and why it is refused: `NO_TOKEN`, `HELD` by another controller,
+            `NAME_TAKEN` by another robot, or "". While the name is not unique, only the holder is
+            not refused.
         """
         grant = self.grant
         if not present and (grant is None or grant.holder == who):
@@ -104,7 +105,7 @@ class Authority:
             return replace(self, granted=epoch, grant=fresh, look_tick=tick + lease), ""
         if grant.holder == who:
             return self, ""
-        return replace(self, look_tick=tick), HELD
+        return replace(self, look_tick=tick), HELD if unique else NAME_TAKEN
 
     def drop(self, who: str, reason: int) -> Authority:
         """Take authority from `who`, if it has it, and stop for a reason."""

@@ -54,6 +54,19 @@ def test_an_operator_is_told_which_of_its_messages_came_last():
     assert it.acquire(OTHER, 3, 12)["newest"] == 0
 
 
+def test_messages_that_never_arrived_are_counted_by_the_gaps_between_numbers():
+    it = steering()
+    epoch = it.acquire(ME, 3, 0)["epoch"]
+    for number, following in [(2, False), (3, True), (3, True), (7, True), (6, True)]:
+        it.take(ME, message(number, epoch).dump(), 10, following=following)
+    it.take(OTHER, message(99, epoch).dump(), 10, following=True)
+    counts = it.counts()
+    assert counts["lost"] == 1 + 3
+    assert counts["refused"] == {"not_following": 1, "behind": 2, "not_operator": 1}
+    it.release(ME)
+    assert it.acquire(OTHER, 3, 12)["lost"] == 0
+
+
 def test_one_operator_at_a_time_and_the_next_after_it_has_gone_or_given_up():
     it = steering()
     first = it.acquire(ME, 3, 0)

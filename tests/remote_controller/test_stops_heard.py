@@ -78,3 +78,11 @@ def test_in_virtual_time_the_log_stays_the_same_whenever_the_word_comes():
     bench = Bench(VirtualClock())
     bench.loop.hear(stop(MISSES))
     assert bench.told() == []
+
+
+def test_events_without_effect_are_counted_by_reason():
+    bench = Bench(Wall())
+    for payload in (b"", stop(MISSES)[:-1], stop(MISSES, SESSION + 1), stop(MISSES)):
+        bench.loop.hear(payload)
+    assert (bench.loop.rejected_events, bench.loop.foreign_events) == (2, 1)
+    assert bench.told() == [MISSES]

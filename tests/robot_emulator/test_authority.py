@@ -288,7 +288,7 @@ def test_while_another_robot_uses_the_name_nothing_new_is_granted_and_nothing_st
     status = bench.link.ask("status", "bob")
     assert bench.run(50).mode == State.ACTIVE
     assert (own[0]["granted"], own[0]["epoch"]) == (True, 1)
-    assert (other[0]["granted"], other[0]["reason"]) == (False, "held")
+    assert (other[0]["granted"], other[0]["reason"]) == (False, "name_taken")
     assert status[0]["name_conflicts"] == 1
     bench.link.ask("release", "alice")
     assert bench.run(100).mode == State.IDLE
@@ -301,4 +301,4 @@ def test_while_another_robot_uses_the_name_nothing_new_is_granted_and_nothing_st
     assert (granted[0]["granted"], granted[0]["epoch"]) == (True, 2)
     conflicts = [detail for name, _, detail in bench.events() if name == "NAME_CONFLICT"]
     assert conflicts == [1, 0]
-    assert [detail for name, _, detail in bench.events() if name == "REFUSED"] == [1, -1]
+    assert [detail for name, _, detail in bench.events() if name == "REFUSED"] == [-1, -1]

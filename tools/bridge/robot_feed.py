@@ -80,6 +80,8 @@ def feed(
                     robot.show(viewer, should_stop)
                 finally:
                     viewer.end()
+                    if robot.malformed:
+                        report(f"malformed messages of {robot.name!r} not shown: {robot.malformed}")
         except UsageError:
             raise
         except Hoap3Error as error:
@@ -94,6 +96,9 @@ def feed(
 
 class _Robot:
     """One run of a robot, as one of its clients sees it.
+
+    Attributes:
+        malformed: count of messages that could not be read.
 
     Raises:
         LinkError: it cannot be reached.
@@ -131,6 +136,7 @@ class _Robot:
             raise
         self._state = State.allocate(**self.description.state_lengths)
         self._run: int | None = None  # the robot's session
+        self.malformed = 0
 
     def __enter__(self) -> _Robot:
         return self
@@ -153,8 +159,9 @@ class _Robot:
                     return
                 try:
                     self._state.load(payload)
-                except WireError:  # anybody may publish there, and the robot may be another one
+                except WireError:  # any client may publish there; the robot may have changed
                     misfit = True
+                    self.malformed += 1
                 else:
                     self._run, heard, misfit = run, began, False
                     viewer.state(payload, self._state)
@@ -179,6 +186,7 @@ class _Robot:
                 message.schema.lengths_in(payload)
                 message.scalars(payload, "session_id")
             except WireError:
+                self.malformed += 1
                 continue
             return payload
         return None

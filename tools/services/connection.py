@@ -281,9 +281,10 @@ class Connection:
             self._control("release")
 
     def counts(self) -> dict[str, Any]:
-        """What came of what was sent: `taken`, `late_points`, and `refused` by reason.
+        """Counts of the messages sent: `taken`, `late_points`, `lost`, and `refused` by reason.
 
-        And `newest`, the number of the last message that has come: a link that is full drops some.
+        And `newest`, the number of the last message that has arrived. A full link drops messages:
+        they count as lost once a later one has arrived.
 
         Raises:
             LinkError: no controller answers.
@@ -293,8 +294,8 @@ class Connection:
             self._held()
             found = self._acquire()
             newest = found.get("newest", self._number)  # controllers before this one do not tell
-        told = {name: found[name] for name in ("taken", "late_points", "refused")}
-        return {**told, "newest": newest}
+        counts = {name: found[name] for name in ("taken", "late_points", "refused")}
+        return {**counts, "lost": found.get("lost", 0), "newest": newest}
 
     def _stays(self, until: float) -> bool:
         """Whether to wait for the robot to follow is in vain."""

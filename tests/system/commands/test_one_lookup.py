@@ -79,7 +79,7 @@ def test_stop_reaches_all_robots_of_one_name_on_this_machine():
         assert stopped == {(first, "stopped"), (second, "stopped")}
 
 
-@pytest.mark.long  # four processes with a loop of 1 kHz each
+@pytest.mark.slow
 def test_two_held_robots_whose_router_starts_later_go_on_and_grant_nothing_new():
     router, places = endpoint(), (endpoint(), endpoint())
     robot = ("hoap3", *QUIET, *PATIENT, "--set", f"link.connect=[{router}]")

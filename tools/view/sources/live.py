@@ -234,13 +234,18 @@ class Live:
         while self._notes:
             label = self._notes.popleft()
             found.append({"kind": "event", "at_s": None, "label": label, "severity": "warning"})
+        if len(self._heard) == EVENTS:
+            self._note(f"{EVENTS} or more events at once: only the last {EVENTS} are shown")
         while self._heard:
-            with suppress(WireError):  # anybody may publish there
+            try:
                 event.load(self._heard.popleft())
-                if event.kind == _CONSTANTS["SKIPPED"]:
-                    self._skipped += event.detail
-                    self._skipped_at_s = told(event, self._met.frames)["at_s"]
-                    continue
+            except WireError:  # any client may publish there
+                self._note("an event was malformed: not shown")
+                continue
+            if event.kind == _CONSTANTS["SKIPPED"]:
+                self._skipped += event.detail
+                self._skipped_at_s = told(event, self._met.frames)["at_s"]
+            else:
                 found.append(told(event, self._met.frames))
         now = time.monotonic()
         if self._skipped and now > self._told_s + SKIPS_S:
