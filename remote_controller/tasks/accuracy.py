@@ -67,7 +67,7 @@ DEFAULT_TOLERANCES: dict[ErrorUnit, float] = {
     "N m": 0.05,
     "": 1e-3,
 }
-"""By the unit of an error: the greatest norm that counts as reached, where nobody gives another."""
+"""By the unit of an error: the largest norm that counts as reached, by default."""
 
 Unit = Literal["m", "deg", "N", "N m", ""]
 
@@ -83,7 +83,7 @@ class TaskError:
         task: name of the task.
         note: why the error is not judged, such as "lower priority"; "" where it is judged.
         reason: which tolerance was violated on the way, in words; "" for none.
-        default: whether `tolerance` is that of an error without a unit, which nobody gave.
+        default: whether `tolerance` is the default for an error without a unit.
     """
 
     error: float

@@ -189,7 +189,7 @@ class AccelerationFilter:
         return slow or overdue
 
     def limit_of(self, joint: int) -> int:
-        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        """Return the limit, `Event.LIMIT_*`, that clipped a joint in the last period."""
         return self._limit_of(joint, float(self.value[joint]))
 
     def _limit_of(self, joint: int, ddq: float) -> int:
@@ -237,7 +237,7 @@ class TorqueFilter(AccelerationFilter):
         self._short = False  # the effort of a joint is what holds it back
 
     def limit_of(self, joint: int) -> int:
-        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        """Return the limit, `Event.LIMIT_*`, that clipped a joint in the last period."""
         return base.TORQUE if self._short else self._limit_of(joint, float(self._allowed[joint]))
 
     def _pass(self, command: FloatArray) -> int:

@@ -45,7 +45,7 @@ class SetpointFilter(Protocol):
         """Take a setpoint that answers `tick`; the first joint held back, or -1."""
 
     def limit_of(self, joint: int) -> int:
-        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        """Return the limit, `Event.LIMIT_*`, that clipped a joint in the last period."""
 
     def hold(self) -> int:
         """No setpoint: keep to the last one; the first joint held back, or -1."""

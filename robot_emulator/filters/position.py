@@ -123,7 +123,7 @@ class PositionFilter:
         return self._count(held)
 
     def limit_of(self, joint: int) -> int:
-        """Return the limit, `Event.LIMIT_*`, that held back a joint in the last period."""
+        """Return the limit, `Event.LIMIT_*`, that clipped a joint in the last period."""
         lower, upper, speed, most = self._limits[:4, joint].tolist()
         setpoint, rate = self._before[joint], self.rate[joint]
         if not lower <= setpoint <= upper:
