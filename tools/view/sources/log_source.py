@@ -81,12 +81,15 @@ class ShownLog:
         return None
 
     def _judge(self, law: IndexedLog | None) -> dict[str, dict[str, str]]:
-        """The verdicts on the run, as far as its ends tell; see `hoap3.tools.show.verdicts`."""
+        """Return the verdicts on the run as the log states them: `report` derives its own."""
         robot = _summary(self.log) if self.log.side == "robot" else None
         outcome = None if law is None else _summary(law)
         last = self.log.state_at(self.log.end)
         skipped = max(last.state.skipped - self._skipped, 0) if last else 0
-        return shown(judge_reported(robot or {}, outcome, skipped))
+        verdicts = shown(judge_reported(robot or {}, outcome, skipped))
+        for each in verdicts.values():
+            each["words"] = f"as logged: {each['words']}"
+        return verdicts
 
 
 class LogSource:
