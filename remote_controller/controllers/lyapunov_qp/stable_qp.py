@@ -21,6 +21,7 @@ from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnost
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
+from hoap3.remote_controller.controllers.singularity import SingularityExit
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.numbers import Part
@@ -113,7 +114,6 @@ class StableQpController(VelocityController):
         self._rate_kernel, psi = rate_kernel, parameters.psi
         self.tune(parameters)
         self._ramp = Ramp(psi.ramp_s, description.period_s)
-        self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Diagnostics(self.stack)
         self.conditions = self._watch.names
         self._violation = 1 << len(self.conditions)
@@ -138,6 +138,7 @@ class StableQpController(VelocityController):
         bounds = self.stack.lower, self.stack.upper
         followed = self._followed_tasks(task)
         self._find = self.watch_progress(followed, bounds, self.stack.labels, self._ends).find
+        self.leave_singularities(parameters)
 
     def _followed_tasks(self, task: tasks.TaskSettings) -> list[tasks.FollowedTask]:
         """Return the task, if it has an error."""
@@ -277,6 +278,31 @@ class StableQpController(VelocityController):
         if violated:
             self.present |= self._violation
         return self.u
+
+    def gradient_at(self, q: FloatArray, time_s: float) -> FloatArray:
+        """Evaluate the task at joint positions; return ∇V."""
+        self.kinematics.update(q)
+        self.function.update(self.kinematics, time_s)
+        return self.function.gradient
+
+    def leave_singularities(self, parameters: Any) -> None:
+        """Leave stationary points if the parameters ask for it.
+
+        Raises:
+            ConfigError: constraints have rows, which the motion would not keep.
+        """
+        if parameters.leave_singularity and (len(self.stack.b) or len(self._C)):
+            problem = "is not available with constraints other than bounds of joints, nor on curves"
+            key, remedy = "parameters.leave_singularity", "Remove this key, or those constraints"
+            raise ConfigError(self._file, key, True, problem, remedy)
+        super().leave_singularities(parameters)
+
+    def _leave(self, leaving: SingularityExit, state: State, u: FloatArray) -> FloatArray:
+        """Brake from the velocities that are commanded, should there be no answer next."""
+        found = super()._leave(leaving, state, u)
+        if found is leaving.u:
+            self._last[:] = found
+        return found
 
     def _recall(self, tick: int) -> None:
         """Know what was known before a State, also where it comes once more."""
