@@ -31,8 +31,6 @@ ANOTHER = 0.01  # of V: a stationary point whose V differs by more is another on
 TIMEOUT_S = 1.0  # beyond the time that the motion takes without limits of acceleration
 INSIDE, MARGIN = 1.0 - 1e-9, 1e-9  # of the greatest acceleration, and of the range
 
-Gradient = Callable[[FloatArray, float], FloatArray]
-
 
 class SingularityExit:
     """Finds and executes the motion.
@@ -51,18 +49,20 @@ class SingularityExit:
     """
 
     def __init__(
-        self, robot: RobotDescription, bounds: tuple[FloatArray, FloatArray], gradient_at: Gradient
+        self,
+        robot: RobotDescription,
+        bounds: tuple[FloatArray, FloatArray],
+        gradient_at: Callable[[FloatArray, float], FloatArray],
     ) -> None:
         from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds
 
         self._kernel, self._bounds, self._gradient_at = velocity_bounds, bounds, gradient_at
-        acceleration = np.minimum(
-            INSIDE * robot.setpoint_acceleration_max, robot.brake_acceleration
-        )
+        most = np.minimum(INSIDE * robot.setpoint_acceleration_max, robot.brake_acceleration)
         ends = robot.lower + MARGIN, robot.upper - MARGIN
-        self._limits = np.array([*ends, robot.velocity, acceleration * np.ones(robot.n)])
+        self._limits = np.array([*ends, robot.velocity, most])
         self._reach = np.minimum(REACH, OF_RANGE * (robot.upper - robot.lower))
-        middle = 0.5 * (robot.lower + robot.upper)
+        with np.errstate(invalid="ignore"):  # of a joint without limits
+            middle = 0.5 * (robot.lower + robot.upper)
         self._middle = np.where(np.isfinite(middle), middle, np.inf)
         self._T, self._hessian = robot.period_s, np.zeros((robot.n, robot.n))
         self._q, self._before, self._dq, self._origin = np.zeros((4, robot.n))
@@ -72,6 +72,7 @@ class SingularityExit:
     def reset(self) -> None:
         """Forget earlier attempts."""
         self._tick = self._periods = -1
+        self._dq[:] = 0.0
         self._value, self._attempts, self._longest, self._ramp = -1.0, 0, 0, 1.0
         self.stop()
 
@@ -116,8 +117,6 @@ class SingularityExit:
         if 0 <= self._periods < periods:
             np.subtract(state.reference, self._before, out=self._dq)
             self._dq /= (periods - self._periods) * self._T
-        elif self._periods < 0:
-            self._dq[:] = 0.0
         self._before[:], self._periods = state.reference, periods
 
     def _examine(self, state: State, base: FloatArray, value: float) -> bool:

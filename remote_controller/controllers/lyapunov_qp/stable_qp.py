@@ -21,7 +21,6 @@ from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnost
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
-from hoap3.remote_controller.controllers.singularity import SingularityExit
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.numbers import Part
@@ -296,13 +295,6 @@ class StableQpController(VelocityController):
             key, remedy = "parameters.leave_singularity", "Remove this key, or those constraints"
             raise ConfigError(self._file, key, True, problem, remedy)
         super().leave_singularities(parameters)
-
-    def _leave(self, leaving: SingularityExit, state: State, u: FloatArray) -> FloatArray:
-        """Brake from the velocities that are commanded, should there be no answer next."""
-        found = super()._leave(leaving, state, u)
-        if found is leaving.u:
-            self._last[:] = found
-        return found
 
     def _recall(self, tick: int) -> None:
         """Know what was known before a State, also where it comes once more."""

@@ -9,7 +9,8 @@ from test_progress import began, controller, outcome, urdf
 import hoap3
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.messages import State
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.singularity import (
@@ -153,6 +154,32 @@ def test_a_stretched_robot_is_left_and_comes_nearer(robot, name, planar):
     assert after[-1] < 0.99 * after[0]  # the controller goes on by itself
     again, _ = leave(robot, name, planar)
     np.testing.assert_array_equal(again.setpoints["values"], run.setpoints["values"])
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "claim"),
+    [
+        ("solver_status", lambda _: STATUS["certified"], "leaving: status"),
+        ("v_rate_predicted", lambda rate: rate - 1e-3, "leaving: no certificate"),
+        ("values", lambda values: values + 1e-9, "setpoint"),
+        ("decision", lambda u: u + 0.05, "leaving: limits"),
+    ],
+)
+def test_a_changed_answer_is_found(field, change, claim, planar):
+    run, law = leave("planar", "clik", planar, duration=0.2)
+    records = list(run.records)
+    place = [i for i, each in enumerate(records) if each.kind == Kind.SETPOINT][100]
+    answer = Setpoint.like(records[place].payload)
+    answer.load(records[place].payload)
+    if field in {"values", "decision"}:
+        getattr(answer, field)[:] = change(getattr(answer, field))
+    else:
+        setattr(answer, field, change(getattr(answer, field)))
+    records[place] = records[place]._replace(payload=answer.dump())
+    claims = Claims()
+    (log,) = runs(records)
+    check_leaving(log, law["parameters"], claims)
+    assert claim in {each.claim for each in claims.listed}
 
 
 @pytest.mark.slow
