@@ -20,6 +20,7 @@ from hoap3.remote_controller.controllers import certificate
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
 from hoap3.remote_controller.controllers.progress import Progress
+from hoap3.remote_controller.controllers.singularity import LEAVING, SingularityExit
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.scheduling.changes import Changes
 from hoap3.remote_controller.scheduling.numbers import FILE, Part, private
@@ -35,6 +36,7 @@ VIOLATED = "tolerance of a trajectory violated"
 HELD_BACK = "a change is held back"
 """The condition of controllers of velocities in ticks at which numbers that move may not."""
 ROUNDING = 1e-9  # of a jump of velocities
+SLOW_PER_S = 1e-3  # of V: a controller by which it falls no faster stands still
 OVER_S = 0.5  # how long changed numbers take, where nobody says
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
 
@@ -395,9 +397,12 @@ class VelocityController(Controller):
         jump: float | None = getattr(parameters, "change_jump_rad_s", None)
         self._jump = (1.0 + ROUNDING) * (jump or description.brake_acceleration * self._dt)
         self._held_back = 0  # bit of the condition
+        self._exit: SingularityExit | None = None
+        self._leaving = 0  # bit of the condition
         self._candidate = np.zeros(description.n)
         self._earlier = np.zeros(description.n)  # reference
         self._periods = -1  # of the last State
+        self._from_reference = getattr(parameters, "kinematics_from", "measured") == "reference"
         self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
         self._flight = InFlight(description) if description.delay_ticks else None
         if self._flight is not None and self._from_measured:
@@ -406,6 +411,18 @@ class VelocityController(Controller):
     @abstractmethod
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities u for `state`, (n,) [rad/s or m/s], in wire order, contiguous."""
+
+    def gradient_at(self, q: FloatArray, time_s: float) -> FloatArray:
+        """Evaluate the tasks at joint positions; return ∇V of those that must be reached, (n,)."""
+        raise NotImplementedError
+
+    def leave_singularities(self, parameters: Any) -> None:
+        """Leave stationary points if the parameters ask for it; call it after `watch_progress`."""
+        if parameters.leave_singularity and self.progress is not None:
+            self._exit = SingularityExit(self.description, self.progress.bounds, self.gradient_at)
+            self._leaving = 1 << len(self.conditions)
+            self.conditions = (*self.conditions, LEAVING)
+            self.not_certified_in |= self._leaving
 
     def refuse_velocity(self, present: int) -> FloatArray:
         """`refuse`, for `velocity` to return: velocities that are no numbers, (n,)."""
@@ -417,6 +434,8 @@ class VelocityController(Controller):
         del state, last_command
         self.forget_changes()
         self.restart_progress()
+        if self._exit is not None:
+            self._exit.reset()
 
     def step(self, state: State) -> Setpoint:
         """Integrate `velocity` over one period.
@@ -433,6 +452,7 @@ class VelocityController(Controller):
         moving = changes is not None and changes.moving
         u = self._changing(changes, state) if changes and moving else self.velocity(state)
         self.present |= self.too_fast
+        u = u if self._exit is None else self._leave(self._exit, state, u)
         start = state.q if self._from_measured else state.reference
         history = self._history(state)
         if flight is not None and not flight.foreseen:
@@ -504,6 +524,22 @@ class VelocityController(Controller):
         changes.redo()
         changes.keep()
         return self.velocity(state)
+
+    def _leave(self, leaving: SingularityExit, state: State, u: FloatArray) -> FloatArray:
+        """Return the velocities of the motion that leaves a stationary point instead of u."""
+        command = self.command
+        if not np.isfinite(u).all():
+            leaving.stop()
+            return u
+        base = state.reference if self._from_reference else state.q
+        still = self.is_stationary and -command.v_rate_predicted <= SLOW_PER_S * command.v
+        if not leaving.advance(state, base, command.v, still=still):
+            return u
+        self.present |= self._leaving
+        command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.solver_status = STATUS["uncertified"]
+        return leaving.u
 
     def _history(self, state: State) -> int:
         """What the States seen so far say of the reference's velocity."""

@@ -36,6 +36,7 @@ class Progress:
 
     Attributes:
         names: of all conditions, `before` included.
+        bounds: as given.
         stationary: bits of the conditions that a task is stationary.
     """
 
@@ -50,7 +51,7 @@ class Progress:
     ) -> None:
         from hoap3.remote_controller.controllers import progress_kernels as kernels
 
-        self._kernels, self._tasks, self._bounds = kernels, tasks, bounds
+        self._kernels, self._tasks, self.bounds = kernels, tasks, bounds
         spans = [(task.rows.start, task.rows.stop) for task in tasks]
         self._spans = np.array(spans, np.int64).reshape(-1, 2)
         self._flat, self._stuck = np.zeros((2, len(tasks)), np.bool_)
@@ -103,7 +104,7 @@ class Progress:
             sign,
             velocity,
             decided,
-            *self._bounds,
+            *self.bounds,
             self._nowhere if reference is None else reference,
             self._ends,
             self._T,

@@ -110,13 +110,12 @@ class ControllerRun:
             for name in self.session.get("conditions") or ()
         )
 
-    @property
-    def stationary(self) -> NDArray[np.bool_]:
-        """For each answer whether a task was stationary, as the controller logged it, (N,)."""
+    def during(self, begin: str) -> NDArray[np.bool_]:
+        """For each answer whether a condition with such a begin held, as logged, (N,)."""
         names = self.session.get("conditions") or ()
         changes = np.zeros(len(self.states) + 1, np.int64)
         for place, number, began in self.conditions:
-            if number < len(names) and str(names[number]).startswith(STATIONARY):
+            if number < len(names) and str(names[number]).startswith(begin):
                 changes[place] += 1 if began else -1
         return np.cumsum(changes)[self.answered] > 0
 

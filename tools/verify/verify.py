@@ -16,6 +16,7 @@ from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
+from hoap3.tools.verify.controllers.leaving import check_leaving
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
@@ -170,4 +171,4 @@ def _check_controller(
             claims.unverified("certificate", len(run.answers), reason)
         elif len(run.answers):
             for part, parameters in with_numbers(run, name, (config or {}).get("parameters") or {}):
-                check(part, parameters, claims)
+                check(check_leaving(part, parameters, claims), parameters, claims)

@@ -10,6 +10,7 @@ from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.controllers.base import VelocityController
+from hoap3.remote_controller.controllers.singularity import LeaveSingularity
 from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import GAMMA_SLOPE, Form
 from hoap3.remote_controller.tasks.registry import TaskSettings
 
@@ -129,3 +130,4 @@ class Parameters(VelocityController.Parameters):
     kinematics_from: Literal["measured", "reference"] = Field(
         "measured", description="joint positions that kinematics are computed from"
     )
+    leave_singularity: LeaveSingularity = False

@@ -113,7 +113,6 @@ class StableQpController(VelocityController):
         self._rate_kernel, psi = rate_kernel, parameters.psi
         self.tune(parameters)
         self._ramp = Ramp(psi.ramp_s, description.period_s)
-        self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Diagnostics(self.stack)
         self.conditions = self._watch.names
         self._violation = 1 << len(self.conditions)
@@ -138,6 +137,7 @@ class StableQpController(VelocityController):
         bounds = self.stack.lower, self.stack.upper
         followed = self._followed_tasks(task)
         self._find = self.watch_progress(followed, bounds, self.stack.labels, self._ends).find
+        self.leave_singularities(parameters)
 
     def _followed_tasks(self, task: tasks.TaskSettings) -> list[tasks.FollowedTask]:
         """Return the task, if it has an error."""
@@ -277,6 +277,24 @@ class StableQpController(VelocityController):
         if violated:
             self.present |= self._violation
         return self.u
+
+    def gradient_at(self, q: FloatArray, time_s: float) -> FloatArray:
+        """Evaluate the task at joint positions; return ∇V."""
+        self.kinematics.update(q)
+        self.function.update(self.kinematics, time_s)
+        return self.function.gradient
+
+    def leave_singularities(self, parameters: Any) -> None:
+        """Leave stationary points if the parameters ask for it.
+
+        Raises:
+            ConfigError: constraints have rows, which the motion would not keep.
+        """
+        if parameters.leave_singularity and (len(self.stack.b) or len(self._C)):
+            problem = "is not available with constraints other than bounds of joints, nor on curves"
+            key, remedy = "parameters.leave_singularity", "Remove this key, or those constraints"
+            raise ConfigError(self._file, key, True, problem, remedy)
+        super().leave_singularities(parameters)
 
     def _recall(self, tick: int) -> None:
         """Know what was known before a State, also where it comes once more."""

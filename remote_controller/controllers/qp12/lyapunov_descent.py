@@ -15,6 +15,7 @@ from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
+from hoap3.remote_controller.controllers.singularity import LeaveSingularity
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
@@ -78,6 +79,7 @@ class DescentController(VelocityController):
         kinematics_from: Literal["measured", "reference"] = Field(
             "measured", description="joint positions that kinematics are computed from"
         )
+        leave_singularity: LeaveSingularity = False
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
         parameters = _complete(parameters, description)
@@ -86,7 +88,6 @@ class DescentController(VelocityController):
         self.task = _task(self.kinematics, parameters)
         self._point = parameters.point or "task"
         self._ramp = Ramp(parameters.ramp_s, description.period_s)
-        self._from_reference = parameters.kinematics_from == "reference"
         self._form = FORMS.index(parameters.psi_scale)
         self.tune(parameters)
         self.u, self.gradient = np.zeros((2, description.n))
@@ -101,6 +102,7 @@ class DescentController(VelocityController):
         followed = FollowedTask(self._point, directions, slice(0, len(AXES)), self._accuracy)
         unbounded = np.full(description.n, np.inf)
         self._find = self.watch_progress([followed], (-unbounded, unbounded), ends=self._ends).find
+        self.leave_singularities(parameters)
 
     def tune(self, parameters: Any) -> None:
         """Take u_max, β and the tolerance."""
@@ -138,6 +140,12 @@ class DescentController(VelocityController):
             proven=optimal and not self.is_stationary and command.margin >= self._least_margin,
         )
         return self.u
+
+    def gradient_at(self, q: FloatArray, _: float) -> FloatArray:
+        """Evaluate the task at joint positions; return Jᵀe."""
+        self.kinematics.update(q)
+        self.task.update(self.kinematics)
+        return self.task.jacobian.T @ self.task.error
 
     def task_errors(self) -> list[TaskError]:
         """|e|."""

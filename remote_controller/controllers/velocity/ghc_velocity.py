@@ -117,13 +117,12 @@ class GhcVelocityController(LabelledTasksController):
         gains = [task.gain_per_s for task in parameters.tasks]
         self._gains, self._wanted = np.repeat(gains, self.sizes), np.zeros(sum(self.sizes))
         self._solver = Ghc(self.sizes, n, regularise="none", smoothing=parameters.smoothing)
-        self.lower, self.upper = self._solver.qdd_lower, self._solver.qdd_upper
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
         self._settled, self._settled_at = True, -1
         self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
         self._top: list[LyapunovFunction] = []
-        self.not_certified_in = MOVING | IDLE
+        self.not_certified_in |= MOVING | IDLE
         self._stale = True  # the top tasks are those of priorities that have moved since
 
     @classmethod
@@ -188,6 +187,7 @@ class GhcVelocityController(LabelledTasksController):
         command.gains[:] = self._gains
         np.multiply(self._gains, self.errors, out=self._wanted)
         self._wanted += self.rates
+        solver.qdd_lower[:], solver.qdd_upper[:] = self.lower, self.upper
         command.stamp_kinematics = self.now()
         found = solver.solve(
             self.jacobian, self._wanted, priorities.alpha, self._mass, self._bias, self._weight

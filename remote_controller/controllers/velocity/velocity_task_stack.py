@@ -91,7 +91,6 @@ class LabelledTasksController(VelocityController):
         self.fits(parameters)
         self._bounds = parameters.bounds.limits(description)
         self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
-        self._from_reference = parameters.kinematics_from == "reference"
         self.conditions = (*self.own_conditions, *task_status.NAMES[1:])
         self._watched = [function for function in self.functions if function.watched]
         self._violation = 1 << len(self.conditions)
@@ -99,6 +98,7 @@ class LabelledTasksController(VelocityController):
             self.conditions = (*self.conditions, VIOLATED)
         followed = [self._followed_task(place) for place in range(len(given))]
         self._find = self.watch_progress(followed, (self.lower, self.upper)).find
+        self.leave_singularities(parameters)
         self._begun, self._periods_seen, self._followed = False, 0, -1
         self.margin_tolerance = MARGIN_ROUNDING
 
@@ -208,6 +208,15 @@ class LabelledTasksController(VelocityController):
         self.present |= self._find(state.tick, errors, self.u)
         self._doubt()
         return self.u
+
+    def gradient_at(self, q: FloatArray, time_s: float) -> FloatArray:
+        """Evaluate the tasks at joint positions; return ∇V of those that must be reached."""
+        self.kinematics.update(q)
+        self._look(time_s)
+        found = np.zeros(len(q))
+        for function, judged in zip(self.functions, self.judged(), strict=True):
+            found += function.gradient if judged else 0.0
+        return found
 
     def _doubt(self) -> None:
         """Take back a proof that says too much: of a stationary task, or one not at its target."""

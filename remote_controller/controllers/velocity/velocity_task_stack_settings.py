@@ -13,6 +13,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.base import VelocityController
+from hoap3.remote_controller.controllers.singularity import LeaveSingularity
 from hoap3.remote_controller.tasks.registry import LabelledTask
 
 INSIDE = 1.0 - 1e-9  # of the greatest acceleration: the robot judges by rounded positions
@@ -66,3 +67,4 @@ class LabelledTaskParameters(VelocityController.Parameters):
     kinematics_from: Literal["measured", "reference"] = Field(
         "measured", description="joint positions that kinematics are computed from"
     )
+    leave_singularity: LeaveSingularity = False

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import COMMANDS, schema
+from hoap3.remote_controller.controllers.certificate import STATIONARY
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import ACTIVE, INFEASIBLE
@@ -169,7 +170,7 @@ def check_proof(
     may = solved & ~cycles.moved & ~cycles.touches & tops.any(1) & (stated <= OPTIMAL)
     may &= solution.proves and hierarchy.bounds.kind == "viability"
     near = np.abs(load - 1.0) <= ROUNDING * np.maximum(load, 1.0)
-    may &= ((load <= 1.0) | (near & proven)) & ~run.stationary
+    may &= ((load <= 1.0) | (near & proven)) & ~run.during(STATIONARY)
     status = np.where(may, STATUS["STATUS_CERTIFIED"], STATUS["STATUS_UNCERTIFIED"])
     status[~solved] = INFEASIBLE
     claims.equal("status", tick, answers["solver_status"], status, 0.0)

@@ -21,6 +21,7 @@ DEFAULTS: dict[str, Any] = {
     "solver": ("daqp", "osqp", "proxqp", "piqp"),
     "kinematics_from": ("measured", "reference"),
     "integrate_from": ("reference", "measured"),
+    "leave_singularity": (False, True),
 }
 PSI: dict[str, Any] = {
     "form": FORMS,

@@ -18,6 +18,7 @@ DEFAULTS: dict[str, Any] = {
     "bounds": {},
     "kinematics_from": "measured",
     "integrate_from": "reference",
+    "leave_singularity": False,
 }
 BOUNDS: dict[str, Any] = {"speed_rad_s": None, "acceleration_rad_s2": None, "margin_rad": 1e-9}
 CHOICES = {

@@ -1,0 +1,52 @@
+"""Answers of a motion that leaves a singularity: within the robot's limits, and without a claim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.messages import schema
+from hoap3.remote_controller.controllers.singularity import LEAVING
+from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.velocity.joint_bounds import bounds_of
+from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity
+
+REACH, OF_RANGE = 0.05, 0.1  # greatest displacement of a joint [rad or m], and of its range
+SETTLED = 1e-4  # what joints may still move while the direction is determined [rad or m]
+EMPTY = "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual"
+UNCERTIFIED = schema("Setpoint").constants["STATUS_UNCERTIFIED"]
+WHY = "V and the direction in which a singularity is left are not recomputed"
+
+
+def check_leaving(
+    run: ControllerRun, parameters: Mapping[str, Any], claims: Claims
+) -> ControllerRun:
+    """Check these answers, of any controller of velocities; return the run with all others."""
+    leaving = run.during(LEAVING)
+    if not leaving.any():
+        return run
+    rest, run = run.only(~leaving), judged(run.only(leaving), claims)
+    answers, tick, robot = run.answers, run.answers["tick"], run.description
+    stated = np.array([answers[name] for name in EMPTY]).T
+    claims.equal("leaving: no certificate", tick, stated, np.zeros(stated.shape), 0.0)
+    status = answers["solver_status"]
+    claims.equal("leaving: status", tick, status, np.full(len(status), UNCERTIFIED), 0.0)
+    claims.unverified("leaving: direction", len(answers), WHY)
+    if robot.delay_ticks:
+        claims.unverified("u", len(answers), DELAYED)
+        return rest
+    check_values(run, parameters, claims)
+    u, doubt = sent_velocity(run, parameters)
+    lower, upper = bounds_of(run, {})
+    for side, bound in ((u, upper), (-u, -lower)):
+        claims.at_most("leaving: limits", tick, side, bound, RELATIVE * np.abs(bound) + doubt)
+    reference = run.answered_states["reference"]
+    first = np.flatnonzero(np.diff(run.answered, prepend=-2) != 1)  # of each motion
+    start = reference[first[np.searchsorted(first, np.arange(len(u)), "right") - 1]]
+    reach = np.minimum(REACH, OF_RANGE * (robot.upper - robot.lower))
+    moved = np.abs(reference - start)
+    claims.at_most("leaving: displacement", tick, moved, reach, SETTLED)
+    return rest
