@@ -117,7 +117,6 @@ class GhcVelocityController(LabelledTasksController):
         gains = [task.gain_per_s for task in parameters.tasks]
         self._gains, self._wanted = np.repeat(gains, self.sizes), np.zeros(sum(self.sizes))
         self._solver = Ghc(self.sizes, n, regularise="none", smoothing=parameters.smoothing)
-        self.lower, self.upper = self._solver.qdd_lower, self._solver.qdd_upper
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
         self._settled, self._settled_at = True, -1
@@ -189,6 +188,7 @@ class GhcVelocityController(LabelledTasksController):
         np.multiply(self._gains, self.errors, out=self._wanted)
         self._wanted += self.rates
         command.stamp_kinematics = self.now()
+        solver.qdd_lower[:], solver.qdd_upper[:] = self.lower, self.upper
         found = solver.solve(
             self.jacobian, self._wanted, priorities.alpha, self._mass, self._bias, self._weight
         )
