@@ -24,7 +24,8 @@ class Progress:
 
     Blocked: for 0.1 s V = ½|e|² of a task with an error above its tolerance has fallen by less than
     0.1 % a second, it is not stationary, and joints are at bounds, or constraints at their rows,
-    that its gradient points beyond. One condition for each joint and constraint.
+    that its gradient points beyond. One condition for each joint and constraint. A task of lower
+    priority is never blocked: the tasks above it may be what keeps it.
 
     Args:
         robot: its description.
@@ -55,8 +56,8 @@ class Progress:
         spans = [(task.rows.start, task.rows.stop) for task in tasks]
         self._spans = np.array(spans, np.int64).reshape(-1, 2)
         self._flat, self._stuck = np.zeros((2, len(tasks)), np.bool_)
-        self._held, self._speed = np.zeros(bounds[0].size, np.bool_), np.zeros(bounds[0].size)
-        self._nowhere = np.zeros(bounds[0].size)
+        self._held = np.zeros((len(tasks), bounds[0].size), np.bool_)
+        self._speed, self._nowhere = np.zeros((2, bounds[0].size))
         unlimited = np.full(self._nowhere.size, np.inf)
         self._ends = np.array([-unlimited, unlimited]) if ends is None else ends
         directions = [f"{STATIONARY}{t.name}, {each}" for t in tasks for each in t.directions]
@@ -114,12 +115,14 @@ class Progress:
         )
         self._reasons.clear()
         present = self._stationary_tasks(stacked) if found & self._kernels.FLAT else 0
-        if not (found & self._kernels.HELD or (rows and found & self._kernels.STUCK)):
+        is_held = found & self._kernels.HELD or (rows and found & self._kernels.STUCK)
+        stuck = self._stuck_tasks(rows) if is_held else []
+        if not stuck:
             self._since = -1
             return present
         self._since = tick if self._since < 0 else self._since
         lasting = tick - self._since >= self._patience
-        return present | self._blocked_tasks(rows) if lasting else present
+        return present | self._blocked_tasks(stuck, rows) if lasting else present
 
     def _stationary_tasks(self, errors: FloatArray) -> int:
         present, bit = 0, self._first
@@ -131,17 +134,23 @@ class Progress:
             bit += len(task.directions)
         return present
 
-    def _blocked_tasks(self, rows: int) -> int:
-        tasks = zip(self._tasks, self._stuck, strict=True)
-        stuck = [task for task, is_stuck in tasks if is_stuck and not is_within(task.accuracy())]
-        if not stuck:
-            return 0
+    def _stuck_tasks(self, rows: int) -> list[int]:
+        return [
+            i
+            for i, task in enumerate(self._tasks)
+            if self._stuck[i]
+            and (rows or self._held[i].any())
+            and task.judged()
+            and not is_within(task.accuracy())
+        ]
+
+    def _blocked_tasks(self, stuck: list[int], rows: int) -> int:
         present = rows << self._of_constraints
-        for joint in np.flatnonzero(self._held).tolist():
+        for joint in np.flatnonzero(self._held[stuck].any(axis=0)).tolist():
             present |= 1 << (self._blocked + joint)
         held = [name for bit, name in enumerate(self.names) if present >> bit & 1]
         what = BLOCKED + ", ".join(name.removeprefix(BLOCKED) for name in held)
-        self._reasons |= {task.name: what for task in stuck}
+        self._reasons |= {self._tasks[i].name: what for i in stuck}
         return present
 
     def reason_of(self, error: TaskError, task: str) -> str:

@@ -29,7 +29,7 @@ def _slope(errors: FloatArray, jacobian: FloatArray, first: int, end: int, i: in
 
 @kernel(
     "i8(f8[::1], f8[:,::1], i8[:,::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1],"
-    " f8[:,::1], f8, b1[::1], b1[::1], b1[::1])"
+    " f8[:,::1], f8, b1[::1], b1[::1], b1[:,::1])"
 )
 def find_progress(
     errors: FloatArray,
@@ -58,7 +58,7 @@ def find_progress(
         reference, ends: (n,), and (2, n) positions that the robot does not go beyond.
         T: period [s].
         flat_out, stuck_out: which tasks, (k,).
-        held_out: (n,), joints at a bound that the gradient of a stuck task points beyond.
+        held_out: (k, n), joints at a bound that the gradient of a stuck task points beyond.
 
     Returns:
         Sum of FLAT, STUCK and HELD, where there are any.
@@ -87,6 +87,6 @@ def find_progress(
             high = min(upper[i] - decided[i], (ends[1, i] - reference[i]) / T - velocity[i])
             low = min(decided[i] - lower[i], velocity[i] - (ends[0, i] - reference[i]) / T)
             if g * g > bound / n and (high if g < 0.0 else low) <= AT_LIMIT:
-                held_out[i] = True
+                held_out[k, i] = True
                 found |= HELD
     return found

@@ -81,12 +81,14 @@ class FollowedTask:
         directions: names of the rows of its error; () where its Jacobian cannot be singular.
         rows: which rows of the controller's stacked errors, of those that are derivatives.
         accuracy: its errors at the last update.
+        judged: whether it must reach its target; what is above one of lower priority may keep it.
     """
 
     name: str
     directions: tuple[str, ...]
     rows: slice
     accuracy: Callable[[], Sequence[TaskError]]
+    judged: Callable[[], bool] = lambda: True
 
 
 def labels_of(given: Sequence[LabelledTask]) -> list[str]:
@@ -219,15 +221,17 @@ def followed_task(
     rows: slice,
     accuracy: Callable[[], Sequence[TaskError]],
     base: str,
+    judged: Callable[[], bool] = lambda: True,
 ) -> FollowedTask:
     """Return a configured task with the names of its rows, in its own axes.
 
     Args:
-        name, rows, accuracy: as of `FollowedTask`.
+        name, rows, accuracy, judged: as of `FollowedTask`.
         settings: of the task.
         base: base frame of the robot.
     """
-    return FollowedTask(name, _directions(settings, rows.stop - rows.start, base), rows, accuracy)
+    directions = _directions(settings, rows.stop - rows.start, base)
+    return FollowedTask(name, directions, rows, accuracy, judged)
 
 
 def _directions(settings: TaskSettings, rows: int, base: str) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from .logs import make_logs
 from .outputs import compare_folders, run_case
 from .revision import HERE, Revision, checked_out, interpreter_for, runtime_directory
 
-SHOWN = 20  # groups of differences of a case
+SHOWN = 20  # groups of intended differences of a case; unexpected ones are all printed
 
 
 def main() -> int:
@@ -78,13 +78,15 @@ def show(case: Case, found: list[Difference], ledger: list[Entry]) -> list[Entry
     groups: dict[tuple[str, Entry | None], list[Difference]] = {}
     for difference, entry in zip(found, covering, strict=True):
         groups.setdefault((difference.group, entry), []).append(difference)
-    for (name, entry), members in list(groups.items())[:SHOWN]:
+    intended = [key for key in groups if key[1] is not None]
+    for name, entry in [key for key in groups if key[1] is None] + intended[:SHOWN]:
+        members = groups[name, entry]
         worst = max(members, key=lambda each: each.size or 0.0)
         more = f" and {len(members) - 1} more" if len(members) > 1 else ""
         why = f"intended: {entry.reason}" if entry else "UNEXPECTED"
         print(f"    {worst.field if len(members) == 1 else name}: {worst}{more}  [{why}]")
-    if len(groups) > SHOWN:
-        print(f"    and {len(groups) - SHOWN} more fields")
+    if len(intended) > SHOWN:
+        print(f"    and {len(intended) - SHOWN} more fields with intended differences")
     return covering
 
 

@@ -13,6 +13,7 @@ import venv
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,7 @@ class Revision:
             env={
                 **os.environ,
                 "PYTHONPATH": str(self.tree),
-                "HOAP3_RUNTIME_DIR": str(runtime_directory()),
+                "HOAP3_RUNTIME_DIR": str(runtime_directory(folder)),
                 "OMP_NUM_THREADS": "1",
             },
             stdin=subprocess.DEVNULL,
@@ -57,10 +58,17 @@ class Revision:
         )
 
 
-def runtime_directory() -> Path:
-    """A short path of our own, for sockets: robots of other people are not found there."""
+def runtime_directory(folder: Path | None = None) -> Path:
+    """Return the directory for sockets: of commands in one folder, or the one that has them all.
+
+    Its path is short, and nothing in it is found from another folder: a robot would ask those of
+    the same name for their status, which is in their logs.
+    """
     path = Path(tempfile.gettempdir()) / f"frozen-{os.getpid()}"
     path.mkdir(mode=0o700, exist_ok=True)
+    if folder is not None:
+        path /= sha256(str(folder).encode()).hexdigest()[:12]
+        path.mkdir(mode=0o700, exist_ok=True)
     return path
 
 

@@ -231,7 +231,7 @@ class HierarchyController(Controller):
     def _watch_progress(self, parameters: Any) -> None:
         unbounded = np.full(self.tasks.jacobian.shape[1], np.inf)
         bounds = (self.lower, self.upper) if self._free is None else (-unbounded, unbounded)
-        tasks = self.tasks.followed(parameters.tasks, self.absent)
+        tasks = self.tasks.followed(parameters.tasks, self.absent, self.judged)
         self._find = self.watch_progress(tasks, bounds, self.stack.labels).find
 
     @classmethod

@@ -187,8 +187,8 @@ class GhcVelocityController(LabelledTasksController):
         command.gains[:] = self._gains
         np.multiply(self._gains, self.errors, out=self._wanted)
         self._wanted += self.rates
-        solver.qdd_lower[:], solver.qdd_upper[:] = self.lower, self.upper
         command.stamp_kinematics = self.now()
+        solver.qdd_lower[:], solver.qdd_upper[:] = self.lower, self.upper
         found = solver.solve(
             self.jacobian, self._wanted, priorities.alpha, self._mass, self._bias, self._weight
         )

@@ -107,7 +107,8 @@ class LabelledTasksController(VelocityController):
         entry, function = self._entries[place], self.functions[place]
         first = int(self.offsets[place])
         rows, base = slice(first, first + len(function.error)), self.description.base_frame
-        return tasks.followed_task(entry.label, entry, rows, function.accuracy, base)
+        judged = lambda: self.judged()[place]  # noqa: E731
+        return tasks.followed_task(entry.label, entry, rows, function.accuracy, base, judged)
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located, one_of
@@ -279,19 +280,26 @@ class AccelerationTasks:
         self.kinematics.update(q)
         return max(each.watch(self.kinematics, tick, time_s) for each in self._watched)
 
-    def followed(self, settings: Sequence[TaskSettings], absent: FloatArray) -> list[FollowedTask]:
+    def followed(
+        self,
+        settings: Sequence[TaskSettings],
+        absent: FloatArray,
+        judged: Callable[[], NDArray[np.bool_]],
+    ) -> list[FollowedTask]:
         """Return the tasks without a wrench, each with the rows that are those of its error.
 
         Args:
             settings: of the tasks.
             absent: how far each is out, (k,), changed in place; one that is has no error.
+            judged: which must reach their targets, (k,).
         """
 
         def of(i: int, each: TaskSettings) -> FollowedTask:
             size = len(self._functions[i].error) if i in self._functions else self.sizes[i]
             rows, none = slice(int(self.rows[i].start), int(self.rows[i].start) + size), [NO_ERROR]
             accuracy = lambda: none if absent[i] >= 1.0 else self.errors_of(i)  # noqa: E731
-            return followed_task(self.names[i], each, rows, accuracy, self._robot.base_frame)
+            must, base = lambda: bool(judged()[i]), self._robot.base_frame
+            return followed_task(self.names[i], each, rows, accuracy, base, must)
 
         return [of(i, each) for i, each in enumerate(settings) if i not in self.presses]
 

@@ -173,3 +173,42 @@ def test_a_joint_at_its_limit_blocks_and_is_named(name, tmp_path):
     judged = outcome(run)
     assert judged["verdicts"]["task"] == "fail"
     assert judged["task"]["errors"][0]["reason"] == "blocked: bounds of slider"
+
+
+@pytest.mark.parametrize("name", ["clik", "clik_sdp", "ghc_velocity", "ghc", "ghc_torque"])
+def test_only_what_holds_a_judged_task_is_named(name, tmp_path):
+    file = tmp_path / "two.urdf"
+    inertial = (
+        '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" '
+        'ixz="0" iyz="0"/></inertial>'
+    )
+    file.write_text(
+        f'<robot name="two"><link name="base"/><link name="a">{inertial}</link>'
+        f'<link name="tip">{inertial}</link>'
+        + "".join(
+            f'<joint name="along_{axis}" type="prismatic"><parent link="{parent}"/>'
+            f'<child link="{child}"/><axis xyz="{direction}"/>'
+            '<limit lower="-0.1" upper="0.1" velocity="2" effort="50"/></joint>'
+            for axis, parent, child, direction in (
+                ("x", "base", "a", "1 0 0"),
+                ("y", "a", "tip", "0 1 0"),
+            )
+        )
+        + "</robot>"
+    )
+    tasks = [position(0.15, axes=["x"]), position(0.0, 0.15, axes=["y"])]
+    tasks = [{**task, "name": label} for task, label in zip(tasks, "ab", strict=True)]
+    more = {} if name.startswith("clik") else {"priorities": {"order": ["a", "b"]}}
+    given = {"controller": name, "parameters": {"tasks": tasks, **more}}
+    run = hoap3.simulate(str(file), given, duration=3.0)
+    assert run.states["q"].max(axis=0) == pytest.approx([0.1, 0.1], abs=5e-3)
+    names = [each for each in began(run) if each.startswith(("blocked", "stationary"))]
+    assert names == ["blocked: bounds of along_x"]
+    reasons = [error["reason"] for error in outcome(run)["task"]["errors"]]
+    assert reasons == ["blocked: bounds of along_x", ""]
+
+
+@pytest.mark.parametrize(("name", "robot"), [("ghc_velocity", "hoap3"), ("tsid_baxter", "baxter")])
+def test_a_robot_on_its_way_is_not_blocked(name, robot):
+    run = hoap3.simulate(robot, name, duration=0.6)
+    assert not [each for each in began(run) if each.startswith("blocked")]

@@ -41,7 +41,7 @@ def test_flags_are_those_of_the_definitions(problems):
         errors, jacobian, spans, velocity, decided, lower, upper, reference, ends = problem(rng)
         sign = float(rng.choice([-1.0, 1.0]))
         flat, stuck = np.zeros((2, len(spans)), bool)
-        held = np.zeros(velocity.size, bool)
+        held = np.zeros((len(spans), velocity.size), bool)
         found = find_progress(
             *(sign * errors, jacobian, spans, sign, velocity, decided, lower, upper),
             *(reference, ends, T, flat, stuck, held),
@@ -56,8 +56,7 @@ def test_flags_are_those_of_the_definitions(problems):
         ]
         assert flat.tolist() == [each[0] for each in expected]
         assert stuck.tolist() == [each[1] for each in expected]
-        joints = np.any([each[2] for each in expected], axis=0)
-        assert held.tolist() == joints.tolist()
-        assert found == FLAT * flat.any() + STUCK * stuck.any() + HELD * joints.any()
+        assert held.tolist() == [each[2].tolist() for each in expected]
+        assert found == FLAT * flat.any() + STUCK * stuck.any() + HELD * held.any()
         seen |= found
     assert seen == FLAT + STUCK + HELD
