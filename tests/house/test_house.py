@@ -221,8 +221,8 @@ def test_the_public_interface_stays_put():
     assert set(solvers.__all__) == {
         *("BoundedQp12", "DescentRate", "LpNorm", "Pinv", "Qp12", "StableQp"),
         *("feasible_rate", "lp_norm", "lyapunov_qp", "pinv", "pinv_plain", "qp12", "qp12_bounded"),
-        *("Ghc", "PlainLqp", "generalized_projector", "ghc", "hqp", "lqp"),
-        *("SdpGains", "projected_sum", "sdp_gains", "weighted"),
+        *("Ghc", "generalized_projector", "ghc", "hqp"),
+        *("SdpGains", "sdp_gains", "weighted"),
     }
     bounds = {"lower", "upper"}
     assert solvers.qp12_bounded.__annotations__.keys() >= {"gradient", "decrease", "gamma", *bounds}
