@@ -154,7 +154,6 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
                 "remote_controller/model/free_dynamics.py",
                 "remote_controller/model/kinematics.py",
                 "remote_controller/service.py",
-                "tools/bench/pushes/pypi_tsid.py",
                 "tools/reproduce/papers/qp12/oracle.py",
                 "tools/verify/controllers/acceleration/free_base.py",
                 "tools/verify/robot.py",
