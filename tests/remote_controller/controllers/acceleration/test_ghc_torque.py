@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hierarchy_runs import made, robot, states
-from support.plain_lqp import lqp, projected_sum
+from support.oracles.plain_lqp import lqp, projected_sum
 
 from hoap3.protocol.errors import SolverError
 from hoap3.remote_controller.controllers.acceleration.torque_rows_kernels import torque_rows

@@ -8,7 +8,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
-from support.plain_lqp import lqp
+from support.oracles.plain_lqp import lqp
 
 from hoap3.protocol.errors import SolverError
 from hoap3.remote_controller.controllers.acceleration.hqp import levels_of

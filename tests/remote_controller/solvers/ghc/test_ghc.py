@@ -7,7 +7,7 @@ import pytest
 from hierarchy_problems import hierarchy, plain, violation
 from hypothesis import given
 from hypothesis import strategies as st
-from support.plain_lqp import PlainLqp
+from support.oracles.plain_lqp import PlainLqp
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
 from hoap3.remote_controller.solvers import Ghc, generalized_projector, ghc

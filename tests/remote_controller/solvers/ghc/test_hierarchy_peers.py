@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import quadprog
 from hierarchy_problems import hierarchy, violation
-from support.plain_lqp import PlainLqp, friction_rows, lqp
+from support.oracles.plain_lqp import PlainLqp, friction_rows, lqp
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
 from hoap3.remote_controller.solvers import ghc, hqp, weighted

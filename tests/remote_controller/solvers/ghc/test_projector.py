@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.plain_lqp import projected_sum
+from support.oracles.plain_lqp import projected_sum
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers import generalized_projector
