@@ -71,10 +71,6 @@ class ConfigError(UsageError):
         super().__init__("\n".join(lines))
 
 
-class RenamedWarning(FutureWarning):
-    """A config has a former name of something, which still works."""
-
-
 class LimitWarning(UserWarning):
     """A config has a limit above its robot's, which is not what counts then."""
 

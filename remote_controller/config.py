@@ -101,7 +101,6 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
             lacks a frame that they name, or the controller cannot be built for it.
     """
     from hoap3.remote_controller.registry import find
-    from hoap3.remote_controller.tasks.accelerations.settings import told_as_written
 
     controller = find(config.controller, file)
     parameters = _parameters(controller, config, file)
@@ -109,7 +108,6 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         keys = "controller", "parameters"
         with (
             collected() as live,
-            told_as_written(config.parameters),
             building(controller, config.controller, description, parameters, file, *keys),
         ):
             built = controller.configured(description, parameters, file)
@@ -159,11 +157,9 @@ def _runs_on(file: str, description: RobotDescription) -> str:
 def check_parameters(config: ControllerConfig, file: str) -> None:
     """Refuse a controller or parameters that are wrong for any robot."""
     from hoap3.remote_controller.registry import find
-    from hoap3.remote_controller.tasks.accelerations.settings import told_as_written
 
     controller = find(config.controller, file)
-    with told_as_written(config.parameters):
-        controller.check(_parameters(controller, config, file), file)
+    controller.check(_parameters(controller, config, file), file)
 
 
 def _parameters(controller: Any, config: ControllerConfig, file: str) -> Settings:

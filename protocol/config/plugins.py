@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ class PluginGroup:
         builtin: ours, name to `module:Class`.
         bases: dotted paths of the classes that one of them must derive from; resolved on use.
         guide: the page that shows how to write one.
+        renamed: former names of ours, and what to write instead.
     """
 
     kind: str
@@ -40,6 +41,7 @@ class PluginGroup:
     builtin: Mapping[str, str]
     bases: tuple[str, ...]
     guide: str
+    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def registered(self) -> dict[str, EntryPoint]:
         """Everything that can be named: ours, then those of installed packages."""
@@ -57,10 +59,12 @@ class PluginGroup:
 
         Raises:
             UnknownNameError: nobody registered it.
-            ConfigError: it cannot be imported, may not be (see `user_code`), or does not belong to
-                the family.
+            ConfigError: it was renamed, cannot be imported, may not be (see `user_code`), or does
+                not belong to the family.
         """
-        name, key = self._today(name), key or self.kind
+        key = key or self.kind
+        if today := self.renamed.get(name) or self._moved(name):
+            raise ConfigError(file, key, name, "was renamed in version 0.2", f"Write {today}")
         if name in self.builtin:
             point = EntryPoint(name, self.builtin[name], self.group)
         elif name in (known := self.registered()):
@@ -79,13 +83,13 @@ class PluginGroup:
             raise ConfigError(file, key, name, problem, remedy) from error
         return self._checked(loaded, name, file, key)
 
-    def _today(self, name: str) -> str:
-        """Where a class of ours is that version 0.1 named by its dotted path; else the name."""
+    def _moved(self, name: str) -> str:
+        """Return the name of a class of ours by its dotted path of version 0.1, else ""."""
         if not name.startswith("remote_controller."):
-            return name
+            return ""
         wanted = name.rpartition(":")[2]
-        ours = (path for path in self.builtin.values() if path.rpartition(":")[2] == wanted)
-        return next(ours, name)
+        ours = (key for key, path in self.builtin.items() if path.rpartition(":")[2] == wanted)
+        return next(ours, "")
 
     def _checked(self, loaded: Any, name: str, file: str, key: str) -> type[Any]:
         bases = tuple(EntryPoint("", base, self.group).load() for base in self.bases)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import copy
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
@@ -26,10 +25,10 @@ from pydantic_core import PydanticCustomError, core_schema
 from hoap3.protocol.config.endpoints import Endpoint, beyond_this_machine, over_tls
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
-from hoap3.protocol.config.wrong_settings import config_error, models_below
+from hoap3.protocol.config.wrong_settings import config_error
 from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
-from hoap3.protocol.errors import ConfigError, RenamedWarning, located
+from hoap3.protocol.errors import ConfigError
 
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
@@ -44,8 +43,7 @@ class Settings(BaseModel):
     """Base of every settings model: unknown keys are errors, values cannot be changed later."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    renamed: ClassVar[Mapping[str, str]] = {}  # former names of keys, which still work
-    hints: ClassVar[Mapping[str, str]] = {}  # of keys that belong elsewhere: what to write instead
+    hints: ClassVar[Mapping[str, str]] = {}  # of keys that moved or were renamed: what to write
 
     @classmethod
     def __get_pydantic_core_schema__(
@@ -55,21 +53,6 @@ class Settings(BaseModel):
         schema = handler(source)
         make_strict(schema)
         return schema
-
-    @model_validator(mode="before")
-    @classmethod
-    def _take_former_keys(cls, content: Any) -> Any:
-        return cls.with_todays_keys(content) if isinstance(content, dict) else content
-
-    @classmethod
-    def with_todays_keys(cls, content: dict[str, Any], where: str = "config") -> dict[str, Any]:
-        """What stood there under former names, under today's; a warning says where that is.
-
-        Of a key under both of its names, the later one counts: what `--set` adds.
-        """
-        if not cls.renamed:
-            return content
-        return {todays_name(key, cls.renamed, where): value for key, value in content.items()}
 
 
 Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]
@@ -364,51 +347,8 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
     Raises:
         ConfigError: naming each wrong key, its value, and what is allowed.
     """
-    content = _each_with_todays_keys(model, content, file, prefix)  # so that errors find keys
     try:
         return model.model_validate(content)
     except ValidationError as error:
         errors = error.errors(include_url=False)
         raise config_error(model, content, errors, file, prefix) from error
-
-
-def todays_name(name: str, renamed: Mapping[str, str], where: str) -> str:
-    """What a name in a config is called today; a warning says so where it is a former one."""
-    if name not in renamed:
-        return name
-    warn_renamed(where, f"{name!r} is called {renamed[name]!r} now")
-    return renamed[name]
-
-
-def warn_renamed(where: str, text: str) -> None:
-    """Say that a former name of something stands somewhere, such as at "file: key"."""
-    warnings.warn(f"{where}: {text}", RenamedWarning, stacklevel=1)
-
-
-def _with_todays_keys(
-    model: type[Settings], content: dict[str, Any], file: str, key: str
-) -> dict[str, Any]:
-    """Settings, and those inside them, under today's names."""
-    with located(file, key):
-        content = model.with_todays_keys(content, ": ".join(filter(None, (file, key))))
-    result = dict(content)
-    for name in content:
-        for inner in models_below([model], name):
-            if issubclass(inner, Settings):
-                below = f"{key}.{name}" if key else name
-                result[name] = _each_with_todays_keys(inner, result[name], file, below)
-    return result
-
-
-def _each_with_todays_keys(model: type[Settings], content: Any, file: str, key: str) -> Any:
-    """The same of what may be such settings, or a list of them."""
-    if isinstance(content, dict):
-        return _with_todays_keys(model, content, file, key)
-    if not isinstance(content, list | tuple):
-        return content
-    return [
-        _with_todays_keys(model, entry, file, f"{key}.{place}")
-        if isinstance(entry, dict)
-        else entry
-        for place, entry in enumerate(content)
-    ]

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.plugins import PluginGroup, building
-from hoap3.protocol.config.settings import Settings, parse, todays_name
+from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray
@@ -45,17 +45,14 @@ CONSTRAINTS = PluginGroup(
     BUILTIN,
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
     "docs/writing_a_constraint.md",
+    {
+        "joint_speed": "joint_velocity",
+        "frame_still": "fixed_frame",
+        "remote_controller.constraints.joint_speed:JointSpeed": "joint_velocity",
+        "remote_controller.constraints.frame_still:FrameStill": "fixed_frame",
+    },
 )
 registered, find = CONSTRAINTS.registered, CONSTRAINTS.find
-RENAMED = {
-    "joint_speed": "joint_velocity",
-    "frame_still": "fixed_frame",
-    "remote_controller.constraints.joint_speed:JointSpeed": "joint_velocity",
-    "remote_controller.constraints.frame_still:FrameStill": "fixed_frame",
-}
-"""Former names of ours."""
-
-
 WORDS: dict[Level, str] = {"velocity": "velocities", "acceleration": "accelerations"}
 
 
@@ -69,14 +66,6 @@ class ConstraintSettings(Settings):
         description="of its rows, conditions and events; null: the constraint's own",
     )
     parameters: dict[str, Any] = Field({}, description="settings of the constraint itself")
-
-    @classmethod
-    def with_todays_keys(cls, content: dict[str, Any], where: str = "config") -> dict[str, Any]:
-        """With the constraint's present name."""
-        given = content.get("constraint")
-        if not isinstance(given, str):
-            return content
-        return {**content, "constraint": todays_name(given, RENAMED, f"{where}.constraint")}
 
 
 @dataclass(frozen=True)

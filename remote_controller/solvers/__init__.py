@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc, ghc
 from hoap3.remote_controller.solvers.ghc.hqp import hqp
-from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp, lqp
-from hoap3.remote_controller.solvers.ghc.projector import generalized_projector, projected_sum
+from hoap3.remote_controller.solvers.ghc.projector import generalized_projector
 from hoap3.remote_controller.solvers.ghc.weighted import weighted
 from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import DescentRate
 from hoap3.remote_controller.solvers.lyapunov_qp.functions import feasible_rate, lyapunov_qp
@@ -25,7 +24,6 @@ __all__ = [
     "Ghc",
     "LpNorm",
     "Pinv",
-    "PlainLqp",
     "Qp12",
     "SdpGains",
     "StableQp",
@@ -34,11 +32,9 @@ __all__ = [
     "ghc",
     "hqp",
     "lp_norm",
-    "lqp",
     "lyapunov_qp",
     "pinv",
     "pinv_plain",
-    "projected_sum",
     "qp12",
     "qp12_bounded",
     "sdp_gains",

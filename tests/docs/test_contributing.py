@@ -56,7 +56,7 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rA")
 def test_a_new_task_is_tested_from_the_start(run):
     """Every suite of tasks tries it, and passes; kernels are compiled anew in the copy."""
     run("git", "apply", "-C1", text=patch(TASK))
-    run(sys.executable, "-m", "hoap3.tools.robots.tasks_table")
+    run(sys.executable, "-m", "docs.tables.tasks_table")
     words = "joint_pair or two and joints or is_tried or up_to_date or beside_each_other"
     told = run(*PYTEST, f"{TESTS}/tasks", "-k", words)
     for suite in ("task_properties", "task_derivatives", "task_rows", "task_levels"):
@@ -68,7 +68,7 @@ def test_a_new_task_is_tested_from_the_start(run):
 def test_a_new_constraint_is_tested_from_the_start(run):
     """Every suite of constraints tries it, and passes."""
     run("git", "apply", "-C1", text=patch(CONSTRAINT))
-    run(sys.executable, "-m", "hoap3.tools.robots.constraints_table")
+    run(sys.executable, "-m", "docs.tables.constraints_table")
     told = run(*PYTEST, f"{TESTS}/constraints", "-k", "least_height or up_to_date")
     for suite in ("constraint_properties", "viable_steps", "constraint_levels"):
         assert re.search(rf"PASSED .*test_{suite}\.py::.*least_height", told), told

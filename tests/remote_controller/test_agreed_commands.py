@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
 from hoap3.remote_controller.controllers.base import agreed
 from hoap3.remote_controller.registry import find
@@ -68,9 +68,13 @@ def test_where_nothing_fits_both_are_named():
         agreed(("torque",), load("hoap3"))
 
 
-def test_a_dotted_path_of_version_0_1_leads_to_the_class_as_it_is_today(tmp_path, monkeypatch):
+def test_a_dotted_path_of_version_0_1_is_refused_with_the_name_of_today(tmp_path, monkeypatch):
     old = "remote_controller.controllers.qp12:Qp12Controller"
-    assert find(old, "old.yaml") is find("qp12", "old.yaml")
+    with pytest.raises(ConfigError) as refused:
+        find(old, "old.yaml")
+    error = refused.value
+    assert (error.file, error.key, error.value) == ("old.yaml", "controller", old)
+    assert error.remedy == "Write qp12"
     package = tmp_path / "remote_controller"
     package.mkdir()
     (package / "__init__.py").touch()

@@ -12,8 +12,9 @@ import struct
 from dataclasses import dataclass
 from functools import cached_property
 
+import xxhash
+
 from hoap3.tools.bridge.type_hashes import dds_name, type_hash
-from hoap3.tools.bridge.xxh3 import xxh3_128
 
 _SPACE = "@ros2_lv"
 _ATTACHMENT = struct.Struct("<qqB16s")
@@ -93,7 +94,7 @@ class Publisher:
     @cached_property
     def gid(self) -> bytes:
         """By which others know it, 16 bytes."""
-        return xxh3_128(self.token.encode())
+        return xxhash.xxh3_128_intdigest(self.token.encode()).to_bytes(16, "little")
 
     def attachment(self, number: int, stamp: int) -> bytes:
         """What comes with a message.

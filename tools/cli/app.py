@@ -21,7 +21,6 @@ from hoap3.protocol.errors import (
     Hoap3Error,
     LimitWarning,
     LogError,
-    RenamedWarning,
     UrdfWarning,
     UsageError,
 )
@@ -510,7 +509,7 @@ def _show_warning(
     """In one line where a config is to be mended; as Python does, with the place, elsewhere."""
     if issubclass(category, UrdfWarning):
         to_people(f"note: {message}")
-    elif issubclass(category, RenamedWarning | LimitWarning):
+    elif issubclass(category, LimitWarning):
         to_people(f"warning: {message}")
     else:
         _show_by_python(message, category, filename, lineno, file, line)

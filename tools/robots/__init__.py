@@ -1,1 +1,1 @@
-"""What is computed of robots: the table of pairs, and the bounds of their accelerations."""
+"""What is computed of robots and trajectories: facts, and the bounds of their accelerations."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from canvas import Canvas
 
 from hoap3.protocol.description import COM
 from hoap3.protocol.messages import Target
@@ -21,7 +22,6 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.logs.log import Log
 from hoap3.tools.picture.body import Body
 from hoap3.tools.picture.flat import Flat
-from hoap3.tools.picture.image import Canvas
 from hoap3.tools.picture.marks import Marks
 from hoap3.tools.picture.stage import Stage
 from hoap3.tools.report.motion import point_path

@@ -99,7 +99,7 @@ class RateSettings(Settings):
 class Parameters(VelocityController.Parameters):
     """Problem (3), choice by choice."""
 
-    renamed: ClassVar = {"effort": "max_speed_ratio"}
+    hints: ClassVar = {"effort": "It was renamed in 0.2: write max_speed_ratio"}
 
     task: TaskSettings | None = Field(
         None, description="what V is; null: the default task of the robot"

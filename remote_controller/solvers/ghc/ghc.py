@@ -8,7 +8,7 @@ matrix of priorities says how much each is kept out of the directions of the oth
 
 ``Ghc`` is for loops, ``ghc`` for everything else. The formulation, exact and of n unknowns however
 many tasks there are, stands in ``ghc_kernels``, which are compiled, or loaded, when the first
-``Ghc`` is made. What else the paper allows is ``PlainLqp``'s.
+``Ghc`` is made.
 """
 
 from __future__ import annotations

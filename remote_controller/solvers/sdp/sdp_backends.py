@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hoap3.protocol.errors import NotInstalledError, UnknownNameError
 from hoap3.remote_controller.solvers.base import status as codes
 from hoap3.remote_controller.solvers.sdp.conic_form import ConicForm
 from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
@@ -21,29 +20,13 @@ from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, DELTA, IPM, NO
 Array = NDArray[np.float64]
 Program = tuple[Any, Array, Any, Array, int, int]
 
-PACKAGES = {"newton": "", "clarabel": "clarabel", "scs": "scs"}
+PACKAGES = {"clarabel": "clarabel", "scs": "scs"}
 POLISH = 40  # Newton steps
 
 
 def installed() -> list[str]:
-    """Names of the solvers that can be used, ours first."""
-    return [name for name, package in PACKAGES.items() if not package or find_spec(package)]
-
-
-def gain_solver(name: str, sizes: Sequence[int], joints: int, **options: Any) -> SdpGains:
-    """A solver of the gains by name; options as for `SdpGains`, and for peers `ConicGains`.
-
-    Raises:
-        UnknownNameError: there is no such solver.
-        NotInstalledError: there is, but its package is not installed.
-    """
-    if name not in PACKAGES:
-        raise UnknownNameError("solver of the gains", name, PACKAGES)
-    if name not in installed():
-        raise NotInstalledError("solver of the gains", name, PACKAGES[name], installed())
-    if name == "newton":
-        return SdpGains(sizes, joints, **options)
-    return ConicGains(sizes, joints, solver=name, **options)
+    """Names of the solvers that can be used."""
+    return [name for name, package in PACKAGES.items() if find_spec(package)]
 
 
 def conic(

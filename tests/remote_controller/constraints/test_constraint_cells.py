@@ -10,6 +10,8 @@ import pytest
 from support.constraint_bench import ROUNDING, StatedDrift
 from test_constraint_levels import TRIED
 
+from docs.tables.constraints_table import serves
+from docs.tables.tasks_table import level, takes
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.acceleration.problem import (
@@ -20,8 +22,6 @@ from hoap3.remote_controller.controllers.acceleration.problem import (
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.registry import of_constraints
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.robots.constraints_table import serves
-from hoap3.tools.robots.tasks_table import level, takes
 
 ROBOT, TICKS, T = load("hoap3"), 500, 1e-3
 START = np.clip(ROBOT.initial_position, ROBOT.lower + 0.02, ROBOT.upper - 0.02)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from registered_constraints import cases
 
+from docs.tables.constraints_table import PAGE, serves, written
+from docs.tables.tasks_table import level, of_tasks, takes
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import ControllerConfig, build
@@ -15,8 +17,6 @@ from hoap3.remote_controller.constraints.registry import BUILTIN, ConstraintSett
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.registry import of_constraints
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.robots.constraints_table import PAGE, serves, written
-from hoap3.tools.robots.tasks_table import level, of_tasks, takes
 
 TORQUES = ConstraintSettings(constraint="joint_torque", parameters={"limit_nm": 1e3})
 TRIED = {case.settings.constraint: (case.robot, case.settings) for case in reversed(cases())}
@@ -35,7 +35,7 @@ def made(controller, robot, given):
 
 def test_the_table_of_the_page_is_up_to_date():
     text = PAGE.read_text(encoding="utf-8")
-    assert written(text) == text, "run `python -m hoap3.tools.robots.constraints_table`"
+    assert written(text) == text, "run `python -m docs.tables.constraints_table`"
 
 
 def test_every_constraint_is_tried():

@@ -31,7 +31,7 @@ PEERS = {name: each for name, each in qp_backends.PACKAGES.items() if each not i
 def test_an_extra_brings_every_solver_that_does_not_come_by_itself() -> None:
     assert named(PROJECT["optional-dependencies"]["peers"]) == {
         *PEERS.values(),
-        *filter(None, sdp_backends.PACKAGES.values()),
+        *sdp_backends.PACKAGES.values(),
     }
 
 

@@ -9,12 +9,7 @@ import pytest
 from task_cases import ARM
 from task_rows import ROWS
 
-from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.messages import State
-from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.tasks.registry import BUILTIN
-from hoap3.tools.robots.tasks_table import (
+from docs.tables.tasks_table import (
     OWN_ERROR,
     OWN_V,
     PAGE,
@@ -24,6 +19,11 @@ from hoap3.tools.robots.tasks_table import (
     takes,
     written,
 )
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.tasks.registry import BUILTIN
 from hoap3.tools.simulate import simulate
 
 V_ONLY, ERROR = {"task": "own_tasks:Sway"}, {"task": "own_tasks:Reach"}
@@ -61,7 +61,7 @@ def answers(controller, ticks=3):
 
 def test_the_table_of_the_page_is_up_to_date():
     text = PAGE.read_text(encoding="utf-8")
-    assert written(text) == text, "run `python -m hoap3.tools.robots.tasks_table`"
+    assert written(text) == text, "run `python -m docs.tables.tasks_table`"
 
 
 def test_every_task_is_tried():

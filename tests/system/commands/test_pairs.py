@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.command_bench import inside
 
+from docs.tables.pairs_table import COLUMNS, PAGE, written
 from hoap3.protocol.errors import Hoap3Error, NoDefaultTaskError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.recorder import MemoryRecorder
@@ -19,7 +20,6 @@ from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTas
 from hoap3.robot_emulator.config import available_configs as emulator_configs
 from hoap3.robot_emulator.robots import available as robots
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.robots.pairs_table import COLUMNS, PAGE, written
 from hoap3.tools.show.verdicts import judge_reported
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings, suited
 
@@ -110,7 +110,7 @@ def test_after_five_seconds_too(config, robot):
 
 def test_the_table_of_the_page_is_up_to_date():
     text = PAGE.read_text(encoding="utf-8")
-    assert written(text) == text, "run `python -m hoap3.tools.robots.pairs_table`"
+    assert written(text) == text, "run `python -m docs.tables.pairs_table`"
 
 
 def test_every_shipped_config_is_in_the_table():

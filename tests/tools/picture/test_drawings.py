@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from support.html_page import Page
 
+from docs.pictures.readme.canvas import Canvas
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.html.palette import COLOURS
 from hoap3.tools.picture.body import Body
 from hoap3.tools.picture.flat import Flat
 from hoap3.tools.picture.floor import Floor, hull
-from hoap3.tools.picture.image import Canvas
 from hoap3.tools.picture.marks import Marks
 from hoap3.tools.picture.stage import Stage
 from hoap3.tools.picture.svg import FINE, svg

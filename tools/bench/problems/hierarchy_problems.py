@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
-from hoap3.remote_controller.solvers.base.task_validation import stacked
-from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
+from hoap3.remote_controller.solvers import generalized_projector
 from hoap3.remote_controller.solvers.qp.qp_backends import EQUATION, NO_BOUND, Program
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
@@ -139,19 +138,24 @@ def bounds(it: Problem, qdd: Array, tau: Array) -> tuple[Array, Array]:
 
 def program(it: Problem, most: tuple[Array, Array] | None) -> Lqp:
     """(13) with |τ − n|² regularised and all its unknowns; `most` of q̈ and τ."""
-    n = it.bias.size
-    edges = np.cumsum(it.sizes)[:-1]
-    parts = np.split(it.jacobian, edges), np.split(it.targets, edges)
-    stack = stacked("bench", *parts, it.mass, it.bias)
-    H, f, rows, least, above, motion, _ = PlainLqp(n).program(
-        stack, it.alpha, W_R, "gravity_compensated", 0.0
-    )
+    n, edges = it.bias.size, np.cumsum(it.sizes)[:-1]
+    projectors = [generalized_projector(np.repeat(row, it.sizes), it.jacobian) for row in it.alpha]
+    motion = np.hstack([*projectors, np.zeros((n, n))])
+    H, f = W_R * np.eye(motion.shape[1]), np.zeros(motion.shape[1])
+    parts = zip(np.split(it.jacobian, edges), np.split(it.targets, edges), strict=True)
+    for i, (J, b) in enumerate(parts):
+        own = slice(i * n, i * n + n)
+        H[own, own] += J.T @ J
+        f[own] = -J.T @ b
+    f[-n:] = -W_R * it.bias
+    rows, least, above = it.mass @ motion, -it.bias, -it.bias
+    rows[:, -n:] = -np.eye(n)
     lower, upper = np.full(f.size, -NO_BOUND), np.full(f.size, NO_BOUND)
     if most is not None:
-        rows = np.vstack([rows, motion[:n]])
+        rows = np.vstack([rows, motion])
         least, above = np.concatenate([least, -most[0]]), np.concatenate([above, most[0]])
         lower[-n:], upper[-n:] = -most[1], most[1]
     least, above = np.concatenate([lower, least]), np.concatenate([upper, above])
     sense = np.zeros(least.size, np.int32)
     sense[f.size : f.size + n] = EQUATION
-    return Lqp(H, f, np.ascontiguousarray(rows), least, above, sense, motion[:n])
+    return Lqp(H, f, np.ascontiguousarray(rows), least, above, sense, motion)

@@ -6,7 +6,6 @@ from typing import Any
 
 from rich.table import Table
 
-from hoap3.tools.bench.pushes.apart import LONGEST_S
 from hoap3.tools.show.output import results
 
 NUMBERS = {
@@ -28,11 +27,5 @@ def show_pushes(rows: list[dict[str, Any]]) -> None:
         figures = [format(row[name], form) for name, form in NUMBERS.items()]
         table.add_row(row["robot"], row["controller"], str(row["direction_deg"]), *figures)
     results.print(table)
-    for row in rows:
-        if row["unanswered"] is not None:
-            results.print(
-                f"{row['controller']}, {row['direction_deg']} deg: at {row['unanswered']:.0%} its "
-                f"solver did not return within {LONGEST_S} s of CPU, which counts as a fall."
-            )
     missed = sum(row["share"] < row["wanted"] for row in rows)
     results.print(f"{len(rows) - missed} of {len(rows)} survive the share that is wanted of them.")

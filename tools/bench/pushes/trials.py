@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
 from hoap3.protocol.errors import UnknownNameError
 from hoap3.protocol.runtime.recorder import MemoryRecorder
-from hoap3.remote_controller.config import ControllerConfig
 from hoap3.remote_controller.controllers.acceleration.soles.settings import ContactSettings
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.tools.bench.pushes.apart import LONGEST_S, answer_within
 from hoap3.tools.bench.pushes.capture import Array, Stance, impulse, room, room_by_torques
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
@@ -24,9 +21,7 @@ CONTROLLERS = {
     "hoap3_standing_torque": ("tsid_standing", "ghc_standing"),
     "humanoid32_standing": ("tsid_standing_humanoid", "ghc_standing_humanoid"),
 }
-"""By emulator config, the configs of controllers that are compared; the peer takes the first's."""
-PEER, PEERS_CLASS = "pypi_tsid", "hoap3.tools.bench.pushes.pypi_tsid:PypiTsid"
-PEERS_PACKAGE = "tsid"
+"""By emulator config, the configs of controllers that are compared."""
 DIRECTIONS_DEG = (0, 45, 90, 135, 180, 225, 270, 315)
 WANTED = {0: 0.8, 1: 0.6}
 """Of the bound, by whether the direction is a diagonal."""
@@ -37,16 +32,6 @@ SPEED, TILT_DEG, LIFT_M = 0.01, 5.0, 2e-3
 SUNK = 0.7  # of the CoM's height: a robot that far down has fallen
 STEP = 0.1  # of the bound, between pushes that are tried
 LEAST, MOST = 0.5, 1.4
-
-
-def missing() -> dict[str, str]:
-    """The peer where it is not installed, and its package."""
-    return {} if find_spec(PEERS_PACKAGE) else {PEER: PEERS_PACKAGE}
-
-
-def controllers_of(robot: str) -> list[str]:
-    """What can balance a robot, ours first."""
-    return [*CONTROLLERS[robot], *([] if missing() else [PEER])]
 
 
 def bench_pushes(
@@ -60,7 +45,7 @@ def bench_pushes(
 
     Args:
         robots: emulator configs of robots that stand free, of `TRUNKS`.
-        controllers: of `controllers_of`; none are all.
+        controllers: of `CONTROLLERS`; none are all.
         directions: of the push, from the world's x [deg].
         report: takes what is done now.
         least: share of the bound that is tried first; smaller pushes are not.
@@ -68,8 +53,7 @@ def bench_pushes(
     Returns:
         A row for each: `robot`, `controller`, `direction_deg`, `room_m` d, `bound_ns` m·√(g/z)·d,
         `torque_bound_ns` by the linear program, `survived_ns`, `share` of the lesser bound,
-        `wanted`, which share is asked for, and `unanswered`, the share at which the peer's solver
-        did not return, or None.
+        and `wanted`, which share is asked for.
 
     Raises:
         UnknownNameError: there is no such robot or controller.
@@ -77,13 +61,13 @@ def bench_pushes(
     for robot in robots:
         if robot not in TRUNKS:
             raise UnknownNameError("robot that is pushed", robot, TRUNKS)
-    known = {name: None for robot in robots for name in controllers_of(robot)}
+    known = {name: None for robot in robots for name in CONTROLLERS[robot]}
     for name in controllers:
         if name not in known:
             raise UnknownNameError("controller that is pushed", name, known)
     rows = []
     for robot in robots:
-        for controller in controllers_of(robot):
+        for controller in CONTROLLERS[robot]:
             if controllers and controller not in controllers:
                 continue
             stance = stance_of(robot, controller)
@@ -97,7 +81,7 @@ def stance_of(robot: str, controller: str) -> Stance:
     """Where the robot stands when it is pushed."""
     lockstep = _lockstep(robot, controller, None)
     lockstep.run(SETTLE_S)
-    given = settings_of(robot, controller).parameters["contacts"]
+    given = controller_settings(controller).parameters["contacts"]
     contacts = ContactSettings.model_validate(given)
     plant, description = lockstep.robot.plant, lockstep.controller.description
     return Stance(
@@ -109,7 +93,7 @@ def survives(robot: str, controller: str, push_ns: float, angle: float) -> bool:
     """Whether the robot stands as before, `AFTER_S` after a push.
 
     Args:
-        robot, controller: configs, or the peer.
+        robot, controller: configs.
         push_ns: impulse [N s].
         angle: its direction, from the world's x [rad].
     """
@@ -171,18 +155,7 @@ def _row(
     bound = impulse(stance, distance)
     by_torques = impulse(stance, room_by_torques(stance, angle))
     least = min(bound, by_torques)
-    unanswered = []
-
-    def survived(part: float) -> bool:
-        push = robot, controller, part * least, angle
-        if controller != PEER:
-            return survives(*push)
-        found = answer_within(LONGEST_S, survives, *push)
-        if found is None:
-            unanswered.append(part)
-        return bool(found)
-
-    share = greatest_share(survived, tried)
+    share = greatest_share(lambda part: survives(robot, controller, part * least, angle), tried)
     return {
         "robot": robot,
         "controller": controller,
@@ -193,7 +166,6 @@ def _row(
         "survived_ns": share * least,
         "share": share,
         "wanted": WANTED[direction % 90 // 45],
-        "unanswered": unanswered[0] if unanswered else None,
     }
 
 
@@ -205,19 +177,11 @@ def greatest_share(survived: Callable[[float], bool], least: float = LEAST) -> f
     return found
 
 
-def settings_of(robot: str, controller: str) -> ControllerConfig:
-    """Settings of a controller; the peer's are those of our first for that robot."""
-    if controller != PEER:
-        return controller_settings(controller)
-    ours = controller_settings(CONTROLLERS[robot][0])
-    return ours.model_copy(update={"controller": PEERS_CLASS})
-
-
 def _lockstep(robot: str, controller: str, push: dict[str, Any] | None) -> Lockstep:
     emulator: EmulatorConfig = emulator_settings(robot, 0)
     if push is not None:
         parameters = {**emulator.plant.parameters, "pushes": [push]}
         plant = emulator.plant.model_copy(update={"parameters": parameters})
         emulator = emulator.model_copy(update={"plant": plant})
-    settings = settings_of(robot, controller)
+    settings = controller_settings(controller)
     return Lockstep(emulator, settings, MemoryRecorder(), MemoryRecorder())

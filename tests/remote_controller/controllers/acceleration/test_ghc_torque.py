@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hierarchy_runs import made, robot, states
+from support.oracles.plain_lqp import lqp, projected_sum
 
 from hoap3.protocol.errors import SolverError
 from hoap3.remote_controller.controllers.acceleration.torque_rows_kernels import torque_rows
-from hoap3.remote_controller.solvers.ghc.lqp import lqp
-from hoap3.remote_controller.solvers.ghc.projector import projected_sum
 
 FREE = {"kind": "none", "torque_max": [1e4]}
 MIXED = np.array([[0.0, 0.3, 0.0], [0.7, 0.0, 0.0], [1.0, 1.0, 0.2]])

@@ -8,12 +8,12 @@ import tracemalloc
 import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
+from support.oracles.plain_lqp import lqp
 
 from hoap3.protocol.errors import SolverError
 from hoap3.remote_controller.controllers.acceleration.hqp import levels_of
 from hoap3.remote_controller.controllers.acceleration.problem import CONDITIONS
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.solvers.ghc.lqp import lqp
 
 FREE = {"kind": "none", "torque_max": [1e4]}
 

@@ -6,12 +6,11 @@ import re
 import warnings
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-from hierarchy_runs import content, made, robot, state_of
+from hierarchy_runs import content, made, robot
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.errors import ConfigError, LimitWarning, RenamedWarning, UnknownNameError
+from hoap3.protocol.errors import ConfigError, LimitWarning, UnknownNameError
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.limits_above import warn_of_limits_above
 
@@ -65,6 +64,7 @@ WRONG = [
     ([{**hand(), "gain_per_s": 3.0}], "parameters.tasks.0.gain_per_s: ", "kp"),
     ([{**hand(), "target": POINT}], "parameters.tasks.0.target: ", "`parameters`"),
     ([{**rest(), "frame": "ee"}], "parameters.tasks.0.frame: ", "`parameters`"),
+    ([{"name": "hand", "kind": "pose", "frame": "ee"}], "parameters.tasks.0.kind: ", "frame_pose"),
     ([press(sensor="elbow")], "parameters.tasks.0.parameters.sensor", "no wrench sensor"),
     ([press(normal=[0.0, 0.0, 0.0])], "parameters.tasks.0", "normal"),
     ([rest(joints=["joint_9"])], "parameters.tasks.0.parameters.joints", "joint_9"),
@@ -85,85 +85,6 @@ def test_a_task_that_does_not_fit(tasks, key, said):
     text = str(raised.value)
     assert key in text
     assert said in text
-
-
-FORMER = [
-    (
-        {"name": "hand", "kind": "position", "frame": "ee", "kp": 30.0, "target": POINT},
-        {**hand(target=POINT), "kp": 30.0},
-    ),
-    (
-        {"name": "hand", "kind": "pose", "frame": "ee", "goal": {"posture": "bent"}},
-        {**hand(posture="bent"), "task": "frame_pose"},
-    ),
-    (
-        {"name": "hand", "kind": "pose", "frame": "ee", "goal": {"position_m": [0.1, 0.2, 0.3]}},
-        {
-            **hand(target={"kind": "point", "position_m": [0.1, 0.2, 0.3]}),
-            "task": "frame_pose",
-        },
-    ),
-    (
-        {"name": "rest", "kind": "posture", "posture_rad": [0.1] * 7, "joints": ["joint_2"]},
-        rest(target_rad=[0.1] * 7, joints=["joint_2"]),
-    ),
-    (
-        {"name": "press", "kind": "force", "frame": "ee", "normal": [0.0, 0.0, 1.0]}
-        | {"force_n": 5.0, "target": POINT},
-        press(),
-    ),
-]
-
-
-@pytest.mark.parametrize(("former", "today"), FORMER)
-def test_a_task_of_before_names_were_shared_asks_for_the_same(former, today):
-    with pytest.warns(RenamedWarning, match=r"`kind: "):
-        before = made("ghc", tasks=[former], priorities={})
-    after = made("ghc", tasks=[today], priorities={})
-    rng = np.random.default_rng(4)
-    q, dq = robot().initial_position + 0.1 * rng.normal(size=7), rng.normal(size=7)
-    answers = [each.step(state_of(each, q, dq)).values for each in (before, after)]
-    np.testing.assert_array_equal(*answers)
-
-
-def former(kind: str = "position", **settings: object) -> dict[str, object]:
-    return {"name": "hand", "kind": kind, "frame": "ee", **settings}
-
-
-SHORT = {"kind": "point", "position_m": [0.0, 0.0]}
-WRONG_FORMER = [
-    (former(frame="elbwo"), "frame", "elbwo"),
-    (former(target=SHORT), "target.position_m.2", None),
-    (former(kp=0.0), "kp", 0.0),
-    (former(weights=[1.0, 2.0]), "weights", (1.0, 2.0)),
-    (former(position_m=[0.0, 0.0, 0.5], target=POINT), "position_m", [0.0, 0.0, 0.5]),
-    (former("pose", goal={}), "goal", {}),
-    (former("pose", goal=3), "goal", 3),
-    (former("pose", goal={"posture": "nowhere"}), "goal.posture", "nowhere"),
-    (former("pose", goal={"postur": "bent"}), "goal.postur", "bent"),
-    (former("pose", goal={"position_m": [0.0, 0.0]}), "goal.position_m.2", None),
-    (former("pose", goal={"position_m": [0.0] * 3}, target=POINT), "target", POINT),
-    ({"kind": "posture", "posture_rad": "bent"}, "posture_rad", "bent"),
-    ({"kind": "posture", "posture_rad": [0.1], "target_rad": [0.1]}, "target_rad", [0.1]),
-    ({"kind": "positon"}, "kind", "positon"),
-    (former(task="frame_pose"), "kind", "position"),
-    (former(parameters={}), "kind", "position"),
-]
-
-
-@pytest.mark.filterwarnings("ignore::hoap3.protocol.errors.RenamedWarning")
-@pytest.mark.parametrize(("task", "key", "value"), WRONG_FORMER)
-def test_errors_in_the_former_form_name_the_keys_that_stand_there(task, key, value):
-    with pytest.raises(ConfigError) as raised:
-        made("ghc", tasks=[hand("other"), task], priorities={})
-    error = raised.value
-    assert (error.file, error.key, error.value) == ("ghc", f"parameters.tasks.1.{key}", value)
-    assert all(each.file == "ghc" for each in error.others)
-
-
-def test_the_warning_about_the_former_form_says_where_it_stands():
-    with pytest.warns(RenamedWarning, match=r"^ghc: parameters\.tasks\.1: "):
-        made("ghc", tasks=[hand("other"), former()], priorities={})
 
 
 def test_a_wrong_entry_is_told_without_an_echo_about_its_list():

@@ -7,12 +7,12 @@ import pytest
 from hierarchy_problems import hierarchy, plain, violation
 from hypothesis import given
 from hypothesis import strategies as st
+from support.oracles.plain_lqp import PlainLqp
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
 from hoap3.remote_controller.solvers import Ghc, generalized_projector, ghc
 from hoap3.remote_controller.solvers.base import status as codes
 from hoap3.remote_controller.solvers.base.task_validation import stacked
-from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
 
 SEEDS = st.integers(0, 2**32 - 1)
 

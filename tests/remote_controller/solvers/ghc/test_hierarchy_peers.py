@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import quadprog
 from hierarchy_problems import hierarchy, violation
+from support.oracles.plain_lqp import PlainLqp, friction_rows, lqp
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
-from hoap3.remote_controller.solvers import ghc, hqp, lqp, weighted
+from hoap3.remote_controller.solvers import ghc, hqp, weighted
 from hoap3.remote_controller.solvers.base.task_validation import stacked
-from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp, friction_rows
 
 
 def test_the_plain_program_equals_the_condensed_one():

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.oracles.plain_lqp import projected_sum
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers import generalized_projector, projected_sum
+from hoap3.remote_controller.solvers import generalized_projector
 from hoap3.remote_controller.solvers.ghc.reference import null_space, projector
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -13,7 +13,8 @@ from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.clik.constant_gains_reference import SINGULAR, pivots
-from hoap3.remote_controller.solvers.sdp.sdp_backends import gain_solver, installed
+from hoap3.remote_controller.solvers.sdp.sdp_backends import ConicGains, installed
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 SEEDS = st.integers(0, 10**6)
 
@@ -70,11 +71,11 @@ def test_gains_that_do_not_undo_what_breaks_the_limits_certify_nothing(e, certif
         assert solver.beta == pytest.approx(0.0, abs=1e-200)
 
 
-@pytest.mark.parametrize("backend", installed())
+@pytest.mark.parametrize("backend", [None, *installed()])
 @pytest.mark.parametrize(("e", "cut"), [(-0.1, True), (0.1, True), (-0.3, False)])
 def test_best_gains_say_whether_dq_is_theirs(backend, e, cut):
     """What is fed is 1.5, the limit 1: dq is fed + Λ e only where the gains take off 0.5."""
-    solver = gain_solver(backend, (1,), 1)
+    solver = ConicGains((1,), 1, solver=backend) if backend else SdpGains((1,), 1)
     solver.lower[:], solver.upper[:], solver.rates[:] = -1.0, 1.0, 1.5
     for _ in range(2):  # from nothing, and from there on
         solver.solve(np.ones((1, 1)), np.array([e]), 0.01, 4.0)

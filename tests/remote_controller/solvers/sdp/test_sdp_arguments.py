@@ -10,7 +10,7 @@ from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers import sdp_gains
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
-from hoap3.remote_controller.solvers.sdp.sdp_backends import gain_solver
+from hoap3.remote_controller.solvers.sdp.sdp_backends import ConicGains
 from hoap3.remote_controller.solvers.sdp.sdp_gains import NONE, SdpGains
 
 GOOD = {
@@ -46,7 +46,7 @@ GOOD = {
 )
 def test_a_solver_that_cannot_be_is_refused(change, words):
     arguments = {"sizes": (2, 1), "joints": 6} | change
-    made = [lambda: SdpGains(**arguments), lambda: gain_solver("clarabel", **arguments)]
+    made = [lambda: SdpGains(**arguments), lambda: ConicGains(**arguments)]
     if "budget" not in change:
         made.append(lambda: ConstantGains(wanted=np.ones(3), **arguments))
     for make in made:

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sdp_problems import Problem, humanoid, optimum, random, ur5
 
-from hoap3.protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
+from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers import sdp_gains
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
-from hoap3.remote_controller.solvers.sdp import sdp_backends
+from hoap3.remote_controller.solvers.sdp.sdp_backends import ConicGains
 from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, IPM, NONE, WARM, SdpGains
 
 SEEDS = st.integers(0, 10**6)
@@ -347,7 +347,7 @@ class TestReferences:
         for seed in range(6):
             it = ur5(seed)
             ours = it.solved()
-            peer = sdp_backends.gain_solver(name, it.sizes, 6)
+            peer = ConicGains(it.sizes, 6, solver=name)
             peer.lower[:], peer.upper[:] = it.lower, it.upper
             assert peer.solve(it.J, it.e, it.dt, it.desired) == status.OK
             check(it, peer)
@@ -355,15 +355,7 @@ class TestReferences:
 
     def test_alone_are_less_accurate(self):
         it = ur5(0)
-        peer = sdp_backends.gain_solver("clarabel", it.sizes, 6, polished=False)
+        peer = ConicGains(it.sizes, 6, polished=False)
         peer.lower[:], peer.upper[:] = it.lower, it.upper
         peer.solve(it.J, it.e, it.dt, it.desired)
         assert 1e-9 < np.abs(peer.gains / it.solved().gains - 1).max() < 1e-2
-
-    def test_that_are_missing_are_said_to_be(self, monkeypatch):
-        with pytest.raises(UnknownNameError, match="clarabel"):
-            sdp_backends.gain_solver("clarabell", (1,), 1)
-        monkeypatch.setattr(sdp_backends, "find_spec", lambda name: None)
-        with pytest.raises(NotInstalledError, match="pip install scs"):
-            sdp_backends.gain_solver("scs", (1,), 1)
-        assert sdp_backends.gain_solver("newton", (1,), 1).n == 1

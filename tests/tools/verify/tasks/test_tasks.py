@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import RenamedWarning
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.model_reference import cross_matrix
 from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
@@ -249,26 +248,6 @@ def test_the_default_task_is_that_of_the_product(name: str) -> None:
     there = dict(wanted.parameters)
     np.testing.assert_allclose(place, there.pop("target")["position_m"], atol=1e-14)
     assert entry["parameters"] == there
-
-
-@pytest.mark.parametrize(
-    "former",
-    [
-        {"kind": "position", "frame": "ee", "target": POINT},
-        {"kind": "posture", "posture": "table1"},
-        {"kind": "posture", "posture_rad": [0.1] * 7},
-        {"kind": "pose", "frame": "ee", "goal": {"position_m": [0.1, 0.2, 0.3]}},
-        {"kind": "pose", "frame": "ee", "goal": {"posture": "table1"}},
-    ],
-)
-def test_the_form_before_0_2_is_read_as_the_product_reads_it(former: dict) -> None:
-    from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
-    from hoap3.tools.verify.tasks.config import in_todays_words
-
-    given = {"name": "it", "kp": 4.0, **former}
-    with pytest.warns(RenamedWarning):
-        wanted = AccelerationTask.with_todays_keys(dict(given))
-    assert in_todays_words(given) == wanted
 
 
 @pytest.mark.parametrize(

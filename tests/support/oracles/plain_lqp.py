@@ -1,4 +1,4 @@
-"""Generalized hierarchical control as it is printed: one large quadratic program.
+"""Oracle of generalized hierarchical control: one large quadratic program, as it is printed.
 
 Liu, Tan and Padois, Autonomous Robots 2015, (13): slower than `ghc` by the number of tasks to its
 third power, and with everything that the paper allows:
@@ -226,3 +226,38 @@ def lqp(
     given = np.isfinite(h)
     found = PlainLqp(stack.n, G=sides[given], h=h[given]).solve(stack, alpha, w_r, regularise)
     return found.qdd, found.tau
+
+
+def projected_sum(
+    inputs: ArrayLike, jacobians: Sequence[ArrayLike], alpha: ArrayLike, *, smoothing: float = 0.0
+) -> NDArray[np.float64]:
+    """Σ P_i u_i: what tasks ask of the joints, velocities, accelerations or torques (section 8).
+
+    Torques keep a strict level from being accelerated if J M⁻¹ stands for its Jacobian here.
+
+    Args:
+        inputs: u_i of each task, (k, n).
+        jacobians: J_i of each, (m_i, n).
+        alpha: priorities, (k, k); alpha[i, j] is that of task j over task i.
+        smoothing: as for `generalized_projector`.
+
+    Returns:
+        (n,).
+
+    Raises:
+        BadProblemError: as `generalized_projector`, or the numbers of tasks or joints differ.
+    """
+    wanted, priorities = array("inputs", inputs, 2), array("alpha", alpha, 2)
+    rows = [array(f"jacobians[{i}]", J, 2) for i, J in enumerate(jacobians)]
+    k, n = wanted.shape
+    if len(rows) != k or priorities.shape != (k, k) or {J.shape[1] for J in rows} != {n}:
+        raise BadProblemError(
+            f"{k} inputs of {n} joints need {k} Jacobians of {n} columns, and alpha of shape "
+            f"({k}, {k}); found {len(rows)} Jacobians, and alpha of shape {priorities.shape}."
+        )
+    if not np.isfinite(wanted).all():
+        raise BadProblemError("inputs must be finite.")
+    sizes, stack, total = [len(J) for J in rows], np.vstack(rows), np.zeros(n)
+    for row, each in zip(priorities, wanted, strict=True):
+        total += generalized_projector(np.repeat(row, sizes), stack, smoothing=smoothing) @ each
+    return total

@@ -1,17 +1,17 @@
-"""A table of docs/choosing.md: `python -m hoap3.tools.robots.constraints_table` writes it anew."""
+"""A table of docs/choosing.md: `python -m docs.tables.constraints_table` writes it anew."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from docs.tables.pairs_table import with_table
+from docs.tables.tasks_table import level
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.registry import of_constraints
-from hoap3.tools.robots.pairs_table import with_table
-from hoap3.tools.robots.tasks_table import level
 
-BEGIN = "<!-- constraints: written by `python -m hoap3.tools.robots.constraints_table` -->\n"
+BEGIN = "<!-- constraints: written by `python -m docs.tables.constraints_table` -->\n"
 END = "<!-- end of constraints -->\n"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "choosing.md"
+PAGE = Path(__file__).resolve().parents[1] / "choosing.md"
 
 
 def serves(controller: str, constraint: str) -> bool:

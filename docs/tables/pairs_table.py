@@ -1,4 +1,4 @@
-"""The table of docs/robots.md: `python -m hoap3.tools.robots.pairs_table` writes it anew."""
+"""The table of docs/robots.md: `python -m docs.tables.pairs_table` writes it anew."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ COLUMNS = {
 }
 """By what `--robot` takes, the column that shows it."""
 
-BEGIN = "<!-- pairs: written by `python -m hoap3.tools.robots.pairs_table` -->\n"
+BEGIN = "<!-- pairs: written by `python -m docs.tables.pairs_table` -->\n"
 END = "<!-- end of pairs -->\n"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
+PAGE = Path(__file__).resolve().parents[1] / "robots.md"
 
 
 def table() -> str:

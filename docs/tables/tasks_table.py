@@ -1,19 +1,19 @@
-"""Table of docs/writing_a_task.md: `python -m hoap3.tools.robots.tasks_table` writes it anew."""
+"""Table of docs/writing_a_task.md: `python -m docs.tables.tasks_table` writes it anew."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from docs.tables.pairs_table import with_table
 from hoap3.remote_controller import registry as controllers
 from hoap3.remote_controller.controllers.base import VelocityController
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.error_task import ErrorTask
 from hoap3.remote_controller.tasks.lyapunov import Level, LyapunovFunction
-from hoap3.tools.robots.pairs_table import with_table
 
-BEGIN = "<!-- tasks: written by `python -m hoap3.tools.robots.tasks_table` -->\n"
+BEGIN = "<!-- tasks: written by `python -m docs.tables.tasks_table` -->\n"
 END = "<!-- end of tasks -->\n"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "writing_a_task.md"
+PAGE = Path(__file__).resolve().parents[1] / "writing_a_task.md"
 OWN_ERROR, OWN_V = "your own error", "your own V, without an error"
 
 

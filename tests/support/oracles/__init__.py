@@ -1,0 +1,1 @@
+"""Problems solved as papers print them, to compare solvers with."""
