@@ -93,6 +93,7 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims, *, hold: b
         _check_schedule(table, *logged, round(log.description.period_s * 1e9), claims)
         check_motion(table, log.description, claims)
         check_body(summary, table, log.description, claims)
+        _check_settings(summary, table, misses_to_stop, claims)
         stated = summary.get("interventions") if whole and hold else None
         check_held_back(stated, table, log.setpoints(), log.description, claims)
 
@@ -152,6 +153,21 @@ def _check_summary(summary: dict[str, Any], recount: Recount, stops: int, claims
             claims.equal(f"summary: {name}", tick, float(summary[name]), getattr(recount, name))
     if "safe_stops" in summary:
         claims.equal("summary: safe_stops", tick, float(summary["safe_stops"]), stops, 0.0)
+
+
+def _check_settings(
+    summary: dict[str, Any], states: NDArray[np.void], misses_to_stop: int | None, claims: Claims
+) -> None:
+    """Compare ticks skipped while active with the States, and `misses_to_stop` with the config."""
+    last = int(states["tick"][-1])
+    if "skipped" in summary:
+        active = states["mode"] == State.ACTIVE
+        between = np.diff(states["skipped"].astype(np.int64))[active[1:] & active[:-1]]
+        claims.equal("summary: skipped", last, summary["skipped"], int(between.sum()), 0.0)
+    if "misses_to_stop" in summary and misses_to_stop is not None:
+        claims.equal(
+            "summary: misses_to_stop", last, summary["misses_to_stop"], misses_to_stop, 0.0
+        )
 
 
 def check_body(
