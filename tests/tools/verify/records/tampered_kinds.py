@@ -26,7 +26,7 @@ STAMPS = {
 }
 INPUTS = (Kind.SUMMARY, Kind.RESET, Kind.CHANGE, Kind.REQUEST)
 UNVERIFIED = {
-    *("run_rate", "worst_window", "held_back_joints", "torque_limited"),
+    *("run_rate", "worst_window", "held_back_joints", "torque_limited", "interventions"),
     *("conflicting", "realtime", "link_counts", "plant", "plant_us"),
 }
 """Of a robot's summary, as docs/verify.md lists them."""
