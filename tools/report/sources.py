@@ -9,10 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
@@ -139,12 +136,7 @@ class Sources:
     def settings(self, side: str) -> dict[str, Any]:
         """The resolved config of a side; empty where it is not known."""
         log = self.of(side)
-        if log is None:
-            return {}
-        try:
-            return parse_yaml(log.config, f"config in {log.paths[0]}")
-        except (LogError, ConfigError, yaml.YAMLError):
-            return {}
+        return (log.settings if log is not None else None) or {}
 
 
 HELD_BACK_JOINTS = {"first": str, "first_tick": int, "most": str, "most_periods": int}

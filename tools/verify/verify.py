@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, DescriptionError, LogError
+from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both, enclosed_alike
@@ -147,12 +146,8 @@ def _compute_time(config: dict[str, Any]) -> int | None:
 
 def _config(log: Log) -> dict[str, Any] | None:
     """The configuration in a log; None where there is none that can be read."""
-    try:
-        content = parse_yaml(log.config, f"config.yaml of {log.paths[0]}")
-    except (LogError, ConfigError):
-        return None
-    found: dict[str, Any] = with_motions(content, log.attachments)
-    return found
+    content = log.settings
+    return None if content is None else with_motions(content, log.attachments)
 
 
 def _check_controller(
