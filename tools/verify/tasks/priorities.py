@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
@@ -32,7 +32,7 @@ class Priorities:
         changed: whether any is another than at the `at` before.
 
     Raises:
-        UnknownTaskError: the config cannot be read.
+        UnverifiableError: the config cannot be read.
     """
 
     def __init__(self, names: Sequence[str], given: Settings) -> None:
@@ -43,13 +43,13 @@ class Priorities:
             for place, value in self._ordered(given.get("order") or ()).items():
                 start[place] = value
             if start.shape != (k, k) or not ((start >= 0.0) & (start <= 1.0)).all():
-                raise UnknownTaskError("the matrix of priorities cannot be read")
+                raise UnverifiableError("the matrix of priorities cannot be read")
             self._start = start
             self._out_at_start = [self._place(name) for name in given.get("inactive") or ()]
             timeline = sorted(given.get("timeline") or (), key=lambda each: float(each["at_s"]))
             self._timeline = [(float(each["at_s"]), each) for each in timeline]
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise UnknownTaskError(f"the priorities cannot be read: {error!r:.60}") from error
+            raise UnverifiableError(f"the priorities cannot be read: {error!r:.60}") from error
         self.begin()
 
     def begin(self) -> None:
@@ -72,13 +72,13 @@ class Priorities:
         """Begin a live change now, of the form of those in a timeline.
 
         Raises:
-            UnknownTaskError: it cannot be read.
+            UnverifiableError: it cannot be read.
         """
         self._advance(time_s)
         try:
             self._set_out(request, time_s)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise UnknownTaskError(f"a change cannot be read: {error!r:.60}") from error
+            raise UnverifiableError(f"a change cannot be read: {error!r:.60}") from error
         self._advance(time_s)
 
     def _advance(self, time_s: float) -> None:

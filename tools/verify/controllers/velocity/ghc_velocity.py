@@ -15,6 +15,7 @@ from scipy.optimize import linprog
 
 from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.hierarchy import Condensed, condensed, multipliers
@@ -22,7 +23,6 @@ from hoap3.tools.verify.controllers.velocity.settings import of_rows, settings_o
 from hoap3.tools.verify.controllers.velocity.task_stack import Tasks
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values
 from hoap3.tools.verify.tasks.priorities import Priorities, top_tasks
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -62,7 +62,7 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
         tasks = Tasks.of(run, settings["tasks"])
         gains = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
         priorities = Priorities(tasks.labels, settings["priorities"])
-    except UnknownTaskError as error:
+    except UnverifiableError as error:
         claims.unverified("certificate", len(run.answers), str(error))
         return
     answers = answers_of(run, settings, tasks, _columns(tasks), claims)
@@ -70,7 +70,7 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
         return
     try:
         ranks = _ranks(answers.run, priorities)
-    except UnknownTaskError as error:
+    except UnverifiableError as error:
         claims.unverified("certificate", len(answers.tick), str(error))
         return
     k = len(tasks.labels)
@@ -103,7 +103,7 @@ def _ranks(run: ControllerRun, priorities: Priorities) -> _Ranks:
     """Follow timeline and live changes through the answers of a run.
 
     Raises:
-        UnknownTaskError: a change that cannot be read.
+        UnverifiableError: a change that cannot be read.
     """
     ticks, T = run.states["tick"].astype(np.int64), run.description.period_s
     resets, changes = [*run.resets], [*run.changes]
