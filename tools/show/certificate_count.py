@@ -41,13 +41,13 @@ class CertificateCount:
         self._names: Sequence[str] = ()
         self._present: frozenset[str] = frozenset()
         self._answers: Counter[tuple[int, frozenset[str]]] = Counter()
-        self._setpoint = Setpoint(0)
 
     def add(self, record: Record) -> None:
         """Take one record of a controller's log."""
         try:
             if record.kind == Kind.SETPOINT:
-                setpoint = self._loaded(record.payload)
+                setpoint = Setpoint.like(record.payload)
+                setpoint.load(record.payload)
                 if self._session_id in {None, setpoint.session_id}:
                     status, invalid = certificate.checked_status(setpoint)
                     self.answer(status, self._present | invalid)
@@ -84,16 +84,6 @@ class CertificateCount:
         without = total - sum(counts[name] for name in PROVED)
         named = {name: dict(found.most_common()) for name, found in reasons.items() if found}
         return {"n": total, **counts, "without": without, "reasons": named}
-
-    def _loaded(self, payload: bytes) -> Setpoint:
-        if len(payload) != self._setpoint.size:
-            self._setpoint = Setpoint.like(payload)
-        try:
-            self._setpoint.load(payload)
-        except WireError:  # of another layout
-            self._setpoint = Setpoint.like(payload)
-            self._setpoint.load(payload)
-        return self._setpoint
 
     def _begin(self, session: Any) -> None:
         if isinstance(session, dict) and self._session_id in {None, session.get("session_id")}:

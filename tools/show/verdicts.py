@@ -66,9 +66,9 @@ def judge(
         deadlines: what `judge_deadlines` returns; None where nothing is known.
         held_back, torque_limited: periods in which the robot held a joint back, or could not keep
             its limits for lack of torque; None where that is not known.
-        outcome: what the controller told at its end, see `hoap3.remote_controller.outcome`; None
-            where that is not known.
-        expected: the controller should have told it; where it did not, verdicts fail.
+        outcome: what the controller reported at its end, see `hoap3.remote_controller.outcome`;
+            None where that is not known.
+        expected: an outcome is required; without one, verdicts fail.
         damaged: sides, "robot" or "controller", whose logs are cut off or damaged. What is not
             known of these is lost, which fails; ticks that are missing were perhaps not in time,
             so the deadlines of such a robot fail or are not judged.
