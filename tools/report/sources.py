@@ -115,15 +115,6 @@ class Sources:
         return self._counted("torque_limited")
 
     @property
-    def held_back_joints(self) -> dict[str, Any] | None:
-        """Which joints the robot held back (`hoap3.tools.show.verdicts`); None: not told."""
-        found = self.summary.get("held_back_joints")
-        whole = isinstance(found, dict) and all(
-            isinstance(found.get(key), kind) for key, kind in HELD_BACK_JOINTS.items()
-        )
-        return found if whole else None
-
-    @property
     def realtime(self) -> list[str] | None:
         """Real-time measures of the robot's process; None where its log does not say."""
         found = self.summary.get("realtime")
@@ -138,9 +129,6 @@ class Sources:
         log = self.of(side)
         return (log.settings if log is not None else None) or {}
 
-
-HELD_BACK_JOINTS = {"first": str, "first_tick": int, "most": str, "most_periods": int}
-"""What a robot tells of the joints that it held back."""
 
 _ONLY_THERE = {
     "robot": "whether answers were in time, and when it woke, stands",
