@@ -97,7 +97,7 @@ class ControllerRun:
     @property
     def remembered(self) -> NDArray[np.bool_]:
         """For each answer whether the log has all since the controller last began anew, (N,)."""
-        reset, gap = (_last(places, self.answered) for places in (self.resets, self.gaps))
+        reset, gap = (last_of(places, self.answered) for places in (self.resets, self.gaps))
         return (reset >= 0) & (reset >= gap)
 
     @cached_property
@@ -221,7 +221,7 @@ def _add_answer(run: ControllerRun, payload: bytes) -> None:
         run.strange += 1
 
 
-def _last(places: list[int], at: NDArray[np.int64]) -> NDArray[np.int64]:
+def last_of(places: list[int], at: NDArray[np.int64]) -> NDArray[np.int64]:
     """The last of ascending places that is not behind each of `at`; -1 where there is none."""
     known = np.array([-1, *places], np.int64)
     return known[np.searchsorted(known, at, "right") - 1]

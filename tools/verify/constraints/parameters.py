@@ -11,6 +11,15 @@ class UnverifiableError(LookupError):
     """A part of a log that cannot be recomputed; its text is the reason."""
 
 
+NOT_READ = UnverifiableError, AttributeError, KeyError, TypeError, ValueError
+"""What settings that cannot be verified raise."""
+
+
+def reason_of(error: Exception) -> str:
+    """Why settings cannot be verified, of one of `NOT_READ`."""
+    return str(error) if isinstance(error, UnverifiableError) else f"config: {error!r:.80}"
+
+
 def complete(
     given: object, defaults: Mapping[str, Any], where: str, *, strict: bool = True
 ) -> dict[str, Any]:

@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
+from hoap3.tools.verify.constraints.parameters import (
+    NOT_READ,
+    UnverifiableError,
+    complete,
+    reason_of,
+)
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import NOT_REMEMBERED, check_refused
 from hoap3.tools.verify.controllers.acceleration.certificate import (
@@ -73,9 +78,8 @@ def check_family(family: Family, run: ControllerRun, parameters: Settings, claim
         bounds.check_settings(settings["bounds"], run.description.n)
         _check_robot(run)
         hierarchy, begin, names = _built(family, run, settings)
-    except (UnverifiableError, KeyError, TypeError, ValueError) as error:
-        wrong = f"{error}" if isinstance(error, UnverifiableError) else f"config: {error!r:.80}"
-        claims.unverified("certificate", len(run.answers), wrong)
+    except NOT_READ as error:
+        claims.unverified("certificate", len(run.answers), reason_of(error))
         return
     states = run.answered_states
     finite = states.finite("q", "dq", *(["wrench"] if hierarchy.presses else []))

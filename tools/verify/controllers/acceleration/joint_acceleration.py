@@ -19,18 +19,23 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete, is_number
+from hoap3.tools.verify.constraints.parameters import (
+    NOT_READ,
+    UnverifiableError,
+    complete,
+    is_number,
+    reason_of,
+)
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import (
     ACTIVE,
     NOT_REMEMBERED,
     check_between,
     check_refused,
-    is_posture,
-    posture,
 )
 from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
 from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.tasks.config import posture_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -93,8 +98,8 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     """All that an answer says: the motion itself, V, V̇, margin, path and status."""
     try:
         settings = _settings(parameters, run.description)
-    except UnverifiableError as error:
-        claims.unverified("certificate", len(run.answers), str(error))
+    except NOT_READ as error:
+        claims.unverified("certificate", len(run.answers), reason_of(error))
         return
     laws = _laws(run, settings)
     motion = _motion(run, laws)
@@ -119,7 +124,8 @@ def _settings(parameters: Mapping[str, Any], robot: RobotDescription) -> dict[st
         raise UnverifiableError("the robot takes neither positions nor accelerations")
     if robot.delay_ticks:
         raise UnverifiableError("answers are delayed, and this controller takes no delay")
-    if not is_posture(robot, settings["posture"], settings["posture_rad"]):
+    target = posture_of(robot, settings["posture"], settings["posture_rad"])
+    if target.shape != (robot.n,):
         raise UnverifiableError("the config names no posture of the robot")
     if not (settings["kd"] is None or is_number(settings["kd"])) or settings["kp"] < 0.0:
         raise UnverifiableError(f"gains are {settings['kp']} and {settings['kd']!r:.40}")
@@ -132,7 +138,7 @@ def _law(robot: RobotDescription, settings: Mapping[str, Any]) -> Law:
     kind = next(kind for kind in robot.command_kinds if kind != "torque")
     return Law(
         kind == "position",
-        posture(robot, settings["posture"], settings["posture_rad"]),
+        posture_of(robot, settings["posture"], settings["posture_rad"]),
         kp,
         2.0 * math.sqrt(kp) if kd is None else kd,
         bounds.Bounds.of(robot, settings["bounds"]),
