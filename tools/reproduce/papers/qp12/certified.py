@@ -14,6 +14,7 @@ from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.certificate import PROVED
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Panel
 from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT
 from hoap3.tools.reproduce.rows import Row, bounded
@@ -24,8 +25,6 @@ SHOWN_EVERY = 10
 
 ROUNDING = 1e-13
 """Of V, relative: what is left of positions of 0.1 m at an error of 1 mm."""
-
-PROVED = (STATUS["certified"], STATUS["at_target"])
 
 Config = dict[str, Any]
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.protocol.description import COM
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.report.motion import point_path
 from hoap3.tools.reproduce.papers.qp12.reference import CASES, LAWS, Law
 from hoap3.tools.simulate import simulate
 
@@ -132,10 +133,4 @@ def plain_pinv() -> Motion:
 
 def com_path(positions: Array, seen_from: str = FRAME) -> Array:
     """Centre of mass, (ticks, 3) [m], for joint positions, (ticks, n) [rad]."""
-    kinematics = Kinematics(load(ROBOT))
-    frame = kinematics.frame_id(seen_from)
-    found, jacobian = np.zeros((len(positions), 3)), np.zeros((3, kinematics.n))
-    for q, out in zip(positions, found, strict=True):
-        kinematics.update(q)
-        kinematics.com(frame, out, jacobian)
-    return found
+    return point_path(positions, load(ROBOT), COM, seen_from)
