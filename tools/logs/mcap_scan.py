@@ -137,6 +137,7 @@ class McapScan:
     _sorted: SortedRows | None = None
     _data_end: tuple[int, int] | None = None
     _unsummed: bool = False
+    _skipped: bool = False
     _unpacked: int = 0
     _enclosed: int = 0
 
@@ -297,6 +298,8 @@ class McapScan:
                 "something outside its chunks is damaged: its header, metadata, schemas, "
                 "channels, message indexes, or the end of its data section"
             )
+        elif self._skipped and not self.rebuilt:
+            self.rebuilt.append("the record that ends its data section")
 
     def _walk(self, stream: IO[bytes]) -> None:
         chunks, starts = self._indexed(stream)
@@ -312,7 +315,7 @@ class McapScan:
                 self.problem = self._next(stream)
                 if not self.problem:
                     continue
-                stopped = self.end, self.problem
+                stopped, self._skipped = (self.end, self.problem), True
             if self._parts:  # go back to the first chunk that was not found, if there is one
                 tried = max(tried, _extent(self._parts[-1])[1] - 1)
             place = bisect_right(starts, tried)
