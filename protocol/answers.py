@@ -38,7 +38,7 @@ class Status(Answer):
         lockstep: whether the robot's time is virtual.
         stop_reason: why it stops or is stopped, as `hoap3.protocol.stop_reasons` names it; None
             where it does neither, or does not tell, as older robots do not.
-        counts: deadlines and limits so far, as the robot's summary has them; None: not told.
+        counts: deadlines and limits so far, as the robot's summary has them; None: not known.
         name_conflicts: how many other robots on its network use its name.
     """
 

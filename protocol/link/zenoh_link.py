@@ -77,7 +77,8 @@ class ZenohRobotLink:
         robot: name of the robot.
         settings: how it is reached.
         blocking: wait for the network rather than drop a State; for lockstep only.
-        report: takes the first client that speaks version 1, and other robots with the same name.
+        report: takes the first client with version 1 of the wire, and other robots with the
+            same name.
         session_id: of the robot.
 
     Attributes:

@@ -133,7 +133,7 @@ def open_session(
             ) from error
         if settings.mode == "client":
             raise LinkError(
-                f"nobody answers at {endpoints}: {_why(settings, secure, robot)}"
+                f"nothing answers at {endpoints}: {_why(settings, secure, robot)}"
             ) from error
         reason = text.partition(" at /")[0]  # without the place in Zenoh's source
         raise LinkError(f"{key}: cannot open {endpoints}: {reason}. Correct {key}") from error

@@ -80,4 +80,4 @@ def _of_handshake(context: ssl.SSLContext, plain: socket.socket, host: str, robo
     name = str(subject.get("commonName", ""))
     if robot and name != robot:
         return f"its certificate is that of {name!r}, not of robot {robot!r}"
-    return "TLS is set up, but nobody answers in time"
+    return "TLS is set up, but nothing answers in time"

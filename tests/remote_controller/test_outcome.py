@@ -28,6 +28,8 @@ from hoap3.tools.show.certificate_count import CountingRecorder
 from hoap3.tools.show.verdicts import judge
 from hoap3.tools.simulate import Lockstep, controller_file, controller_settings, emulator_settings
 
+NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
+
 IN_TIME = unknown_deadlines("", "", "pass")
 HOAP3 = load("hoap3")
 Told = dict[str, Any]
@@ -123,7 +125,7 @@ def test_each_term_of_a_sum_is_judged_by_its_own_tolerance():
         (True, True),
         (True, False),
     ]
-    assert judge(IN_TIME, 0, 0, both)["verdicts"]["task"] == "fail"
+    assert judge(IN_TIME, NOTHING_HELD, both)["verdicts"]["task"] == "fail"
 
 
 class Elbow(ErrorTask):
@@ -204,8 +206,8 @@ def test_a_users_task_is_judged_like_ours(task, entry, unit, tolerance, verdict)
     assert size == pytest.approx(away, rel=0.1)
     assert (error["unit"], error["tolerance"]) == (unit, pytest.approx(tolerance))
     assert error["judged"]
-    assert judge(IN_TIME, 0, 0, told)["verdicts"]["task"] == verdict
-    named = "default tolerance" in judge(IN_TIME, 0, 0, told)["task"]["text"]
+    assert judge(IN_TIME, NOTHING_HELD, told)["verdicts"]["task"] == verdict
+    named = "default tolerance" in judge(IN_TIME, NOTHING_HELD, told)["task"]["text"]
     assert named == error["default_tolerance"] == (tolerance == 1e-3)
 
 
@@ -213,7 +215,7 @@ def test_a_task_that_reports_no_error_is_listed_and_a_run_with_it_alone_never_pa
     told = own(Silent)
     (error,) = told["tasks"]
     assert (error["error"], error["judged"], error["note"]) == (None, False, "reports no error")
-    judged = judge(IN_TIME, 0, 0, told)
+    judged = judge(IN_TIME, NOTHING_HELD, told)
     assert judged["verdicts"]["task"] == "not judged"
     assert judged["task"]["reasons"] == ["no_target"]
 
@@ -269,7 +271,7 @@ def test_what_can_be_certified_is_what_a_controller_does(
 ):
     told = answers_of(statuses, present, certifies)
     assert (told["certified"], told["certifiable"]) == counts
-    judged = judge(IN_TIME, 0, 0, told)
+    judged = judge(IN_TIME, NOTHING_HELD, told)
     assert judged["verdicts"]["task"] == verdict
     assert f"{counts[0]} of {counts[1]}" in judged["task"]["text"] or counts == (0, 0)
 
@@ -300,7 +302,7 @@ def test_margins_are_judged_where_there_are_constraints():
     assert margin["tolerance"] == 1e-6
     assert margin["of"].split(": ")[0] in {"joint_position", "support_polygon", "zmp"}
     assert margin["unit"] in {"m", "rad or m"}
-    told = judge(IN_TIME, 0, 0, run("ghc", 0.02, "lwr_weightless")[0])["limits_and_balance"]
+    told = judge(IN_TIME, NOTHING_HELD, run("ghc", 0.02, "lwr_weightless")[0])["limits_and_balance"]
     assert told["smallest_margin_of"] == "bounds of joints"
     assert "of the greatest" in told["smallest_margin_unit"]
 
@@ -324,7 +326,7 @@ def test_a_margin_of_minus_infinity_or_nan_is_a_violation(margins, least, verdic
     told = outcome.as_json()
     json.dumps(told["margin"], allow_nan=False)
     assert (told["margin"] or {"least": None})["least"] == least
-    assert judge(IN_TIME, 0, 0, told)["verdicts"]["limits_and_balance"] == verdict
+    assert judge(IN_TIME, NOTHING_HELD, told)["verdicts"]["limits_and_balance"] == verdict
 
 
 class Link:
@@ -371,7 +373,7 @@ def test_what_was_before_the_last_engagement_counts_too():
         told = engage(start, tick)
     assert told["answers"] == told["certifiable"] == 1 + EVERY
     assert (told["balance"]["checked"], told["balance"]["outside"]) == (2, 1)
-    assert judge(IN_TIME, 0, 0, told)["verdicts"]["limits_and_balance"] == "fail"
+    assert judge(IN_TIME, NOTHING_HELD, told)["verdicts"]["limits_and_balance"] == "fail"
     link.session_id = 8  # the robot was started again
     assert engage(start, 30)["answers"] == 1
 

@@ -147,7 +147,7 @@ def _open(listen: str, router: str | None) -> Any:
             return open_session(LinkSettings(connect=(router,), mode="client"), stamps=True)
         except LinkError as error:
             raise LinkError(
-                f"--router: nobody answers at {router}. Start one (`ros2 run rmw_zenoh_cpp "
+                f"--router: nothing answers at {router}. Start one (`ros2 run rmw_zenoh_cpp "
                 "rmw_zenohd`), or leave --router out: ROS 2 nodes then connect to the bridge"
             ) from error
     try:

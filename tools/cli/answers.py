@@ -12,8 +12,8 @@ from hoap3.tools.machine.terminal import one_line
 from hoap3.tools.show.output import print_json, print_line
 
 
-def tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
-    """Ask running robots of one name something, and show what they answer."""
+def show_answers(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
+    """Send a request to the running robots of one name, and show their answers."""
     from hoap3.tools.services.find_robot import ask_robots
 
     answers, failures = ask_robots(robot, verb, connect)
@@ -73,7 +73,7 @@ def place_of(answer: dict[str, Any]) -> str:
 
 
 def _tasks(answer: dict[str, Any], connect: str | None) -> list[dict[str, Any]] | None:
-    """How the tasks of the controller stand that moves a robot; None where nobody tells."""
+    """Errors of the controller's tasks; None where they are not known."""
     from hoap3.tools.services.client import task_errors
     from hoap3.tools.services.find_robot import reach_robot
 

@@ -24,7 +24,7 @@ from hoap3.protocol.errors import (
     UrdfWarning,
     UsageError,
 )
-from hoap3.tools.cli.answers import place_of, tell
+from hoap3.tools.cli.answers import place_of, show_answers
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
@@ -254,7 +254,7 @@ def stop(
     as_json: AsJson = False,
 ) -> None:
     """Bring a running robot to rest; it stays there until `recover`."""
-    tell(robot, "stop", reached(connect, secure), as_json)
+    show_answers(robot, "stop", reached(connect, secure), as_json)
 
 
 @app.command()
@@ -265,7 +265,7 @@ def recover(
     as_json: AsJson = False,
 ) -> None:
     """Let a stopped robot follow its controller again."""
-    tell(robot, "recover", reached(connect, secure), as_json)
+    show_answers(robot, "recover", reached(connect, secure), as_json)
 
 
 @app.command()
@@ -276,7 +276,7 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Say what a running robot does, and whom it follows."""
-    tell(robot, "status", reached(connect, secure), as_json)
+    show_answers(robot, "status", reached(connect, secure), as_json)
 
 
 @app.command()

@@ -58,7 +58,7 @@ class Answers:
     closed_loop: bool
     success_rate: float | None = None
     safe_stops: int = 0
-    judged: dict[str, Any] = field(default_factory=lambda: judge(None, None, None, None))
+    judged: dict[str, Any] = field(default_factory=lambda: judge(None, {}, None))
 
 
 def table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> Rows:

@@ -108,7 +108,7 @@ def figures(
         judged: its verdicts, as `hoap3.tools.show.verdicts.judge` gives them; None for none.
     """
     found: Figures = {
-        **(judged or judge(None, None, None, None)),
+        **(judged or judge(None, {}, None)),
         "answers": len(series),
         "success_rate": success_rate,
         "error": _error(series) if closed_loop else _none("start", "end", "settled_s", "integral"),

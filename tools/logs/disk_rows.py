@@ -5,14 +5,16 @@ from __future__ import annotations
 import mmap
 import tempfile
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hoap3.protocol.errors import LogError
+from hoap3.protocol.errors import LogError, WireError
+from hoap3.protocol.messages import Schema
 
 Table = npt.NDArray[Any]
 Places = npt.NDArray[np.int64]
@@ -20,7 +22,9 @@ LogMessage = tuple[int, int, int, int, bytes]
 """Channel, sequence, log time [ns], publish time [ns], data."""
 
 PART = 20_000
-"""Rows that are looked at together, where what is computed of each takes much memory."""
+"""Rows that are processed together, where what is computed of each takes much memory."""
+MAX_PADDED = 8  # times the bytes of all messages, for a table with those of several layouts
+SLACK_BYTES = 1 << 26  # beyond that
 
 
 def parts(count: int) -> Iterator[slice]:
@@ -83,41 +87,6 @@ class DiskRows:
             raise _no_room(error) from error
         return np.frombuffer(mapped, np.uint8)
 
-    def only(self, which: npt.NDArray[np.bool_]) -> DiskRows:
-        """Some of them, by a mask (N,)."""
-        ends = np.cumsum(self.sizes)
-        begins, data, found = ends - self.sizes, self.raw, DiskRows()
-        for place in np.flatnonzero(which).tolist():
-            found.add(data[begins[place] : ends[place]].tobytes())
-        return found
-
-    def padded(
-        self, which: Places, dtypes: dict[int, np.dtype[Any]], dtype: np.dtype[Any]
-    ) -> DiskRows:
-        """The same in one layout; numbers that a row does not have are NaN.
-
-        Args:
-            which: the layout of each, (N,).
-            dtypes: of the layouts; `dtype` has their fields, with arrays at least as long.
-        """
-        begins, raw, found = np.cumsum(self.sizes) - self.sizes, self.raw, DiskRows()
-        for part in parts(len(self)):
-            block = np.zeros(len(begins[part]), dtype)
-            for number in np.unique(which[part]).tolist():
-                alike, given = which[part] == number, dtypes[number]
-                places = begins[part][alike, None] + np.arange(given.itemsize)
-                rows = raw[places].view(given)[:, 0]
-                for name in given.names or ():
-                    if given[name].shape:
-                        values = np.full((len(rows), *dtype[name].shape), np.nan)
-                        values[:, : given[name].shape[0]] = rows[name]
-                        block[name][alike] = values
-                    else:
-                        block[name][alike] = rows[name]
-            for row in block:
-                found.add(row.tobytes())
-        return found
-
     def table(self, dtype: np.dtype[Any]) -> Table:
         """All of them as a structured array, (N,); it cannot be written to.
 
@@ -127,6 +96,86 @@ class DiskRows:
         if (self.sizes != dtype.itemsize).any():
             raise ValueError(f"a message is not of the {dtype.itemsize} bytes of those before it")
         return self.raw.view(dtype)
+
+
+class MessageTable:
+    """Messages of one kind, whose arrays may differ in length, as one structured array on disk.
+
+    Args:
+        schema: of the messages.
+
+    Attributes:
+        unreadable: messages that do not have this schema; they are left out.
+    """
+
+    def __init__(self, schema: Schema) -> None:
+        self._schema, self._rows = schema, DiskRows()
+        self._stamps, self._layout_of = array("q"), array("q")
+        self._layouts: dict[tuple[int, ...], int] = {}
+        self.unreadable = 0
+
+    def add(self, stamp: int, payload: bytes) -> None:
+        """Append a message with its log time [ns].
+
+        Raises:
+            LogError: there is no room for it.
+        """
+        try:
+            lengths = tuple(self._schema.lengths_in(payload).values())
+        except WireError:
+            self.unreadable += 1
+            return
+        self._layout_of.append(self._layouts.setdefault(lengths, len(self._layouts)))
+        self._stamps.append(stamp)
+        self._rows.add(payload)
+
+    @cached_property
+    def rows(self) -> tuple[Places, Table]:
+        """Log times [ns] and messages; NaN fills arrays that are shorter than the longest.
+
+        Raises:
+            LogError: there is no room for them.
+        """
+        layouts = {number: self._dtype(lengths) for lengths, number in self._layouts.items()}
+        limit = MAX_PADDED * len(self._rows.raw) + SLACK_BYTES
+        while len(self._rows) * self._union(layouts).itemsize > limit and len(layouts) > 1:
+            del layouts[max(layouts, key=lambda number: layouts[number].itemsize)]
+        dtype, which = self._union(layouts), np.array(self._layout_of, np.int64)
+        kept = np.isin(which, list(layouts))
+        self.unreadable += int(np.count_nonzero(~kept))
+        rows = self._padded(which, layouts, dtype) if len(self._layouts) > 1 else self._rows
+        return np.array(self._stamps, np.int64)[kept], rows.table(dtype)
+
+    def _dtype(self, lengths: Iterable[int]) -> np.dtype[Any]:
+        return self._schema.dtype(dict(zip(self._schema.arrays, lengths, strict=True)))
+
+    def _union(self, layouts: dict[int, np.dtype[Any]]) -> np.dtype[Any]:
+        """The layout with the longest of each array."""
+        used = [lengths for lengths, number in self._layouts.items() if number in layouts]
+        none = (0,) * len(self._schema.arrays)
+        return self._dtype(map(max, zip(none, *used, strict=True)))
+
+    def _padded(
+        self, which: Places, layouts: dict[int, np.dtype[Any]], dtype: np.dtype[Any]
+    ) -> DiskRows:
+        """The messages that have one of these layouts, each as long as `dtype`."""
+        sizes, raw, found = self._rows.sizes, self._rows.raw, DiskRows()
+        begins = np.cumsum(sizes) - sizes
+        for part in parts(len(begins)):
+            block = np.zeros(len(begins[part]), dtype)
+            for number, given in layouts.items():
+                alike = which[part] == number
+                rows = raw[begins[part][alike, None] + np.arange(given.itemsize)].view(given)[:, 0]
+                for name in given.names or ():
+                    if given[name].shape:
+                        values = np.full((len(rows), *dtype[name].shape), np.nan)
+                        values[:, : given[name].shape[0]] = rows[name]
+                        block[name][alike] = values
+                    else:
+                        block[name][alike] = rows[name]
+            for row in block[np.isin(which[part], list(layouts))]:
+                found.add(row.tobytes())
+        return found
 
 
 class SortedRows:

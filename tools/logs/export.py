@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hoap3.protocol.errors import LogError, NotInstalledError, UsageError
+from hoap3.protocol.errors import NotInstalledError, UsageError
 from hoap3.protocol.messages import Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.atomic_write import whole_file
@@ -111,7 +111,7 @@ def export_npz(log: Log, out: Path, say: Say = lambda _: None) -> int:
         LogError: the log is damaged.
         UsageError: `out` cannot be written.
     """
-    arrays: dict[str, Array] = {"joint_names": np.array(_joint_names(log), dtype=np.str_)}
+    arrays: dict[str, Array] = {"joint_names": np.array(log.joint_names, dtype=np.str_)}
     for kind in (Kind.STATE, Kind.SETPOINT, Kind.EVENT):
         say(f"reading {kind.name.lower()}s")
         stamps, rows = log.table(kind)
@@ -185,7 +185,7 @@ def _export(log: Log, out: Path, write: Callable[[Path, tuple[_Table, _Table]], 
     """Write a table, and beside it what describes it; how many rows it has."""
     (state_stamps, states), (stamps, setpoints) = log.table(Kind.STATE), log.table(Kind.SETPOINT)
     first, answers = _rows(state_stamps, states, stamps, setpoints)
-    names = _joint_names(log)
+    names = list(log.joint_names)
     left = _Table("", state_stamps, states, names, [], first)
     right = _Table("setpoint.", stamps, setpoints, names, log.names("extra"), answers)
     held, left_out = _counts(log, Kind.STATE, Kind.SETPOINT)
@@ -316,13 +316,6 @@ def _counts(log: Log, *tables: Kind) -> tuple[dict[str, int], dict[str, int]]:
     left["damaged places"] = kinds.pop(Kind.GAP, 0)
     left |= {"inputs": kinds.total(), "messages on other topics": log.others}
     return held, {name: count for name, count in left.items() if count}
-
-
-def _joint_names(log: Log) -> list[str]:
-    try:
-        return list(log.description.joint_names)
-    except LogError:
-        return []  # a log that was cut off before its first record has no names
 
 
 def _meanings(schema: Schema) -> dict[str, str]:

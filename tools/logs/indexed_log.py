@@ -8,22 +8,18 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import OrderedDict
-from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import DescriptionError, LogError, WireError
-from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
+from hoap3.protocol.errors import LogError, WireError
+from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.protocol.wire_versions import upgraded
-from hoap3.tools.logs.log import GROWN, check_ours, files_of
-from hoap3.tools.logs.log_format import CHANNELS, KIND_CHANNELS, unpack_input
+from hoap3.tools.logs.log import Enclosed, check_ours, files_of, merge_attachments
+from hoap3.tools.logs.log_format import unpack_message
 from hoap3.tools.logs.mcap_scan import McapScan
 
 KEPT = 4  # unpacked chunks, of some 1 MiB each
 Loaded = TypeVar("Loaded", State, Setpoint)
-_KINDS = {channel: kind for kind, channel in KIND_CHANNELS.items()}
 
 
 class Moment(NamedTuple):
@@ -35,7 +31,7 @@ class Moment(NamedTuple):
     answered: int | None
 
 
-class IndexedLog:
+class IndexedLog(Enclosed):
     """One side of a run.
 
     Args:
@@ -57,8 +53,8 @@ class IndexedLog:
         for scan in self._scans:
             check_ours(scan)
         first = self._scans[0].metadata["log"]
-        self.side, self.path = first["side"], path
-        self._old = int(first["wire_version"]) < WIRE_VERSION
+        self.side, self.paths = first["side"], [scan.path for scan in self._scans]
+        self.attachments = merge_attachments(self._scans)
         self._places = [
             (scan, place, span) for scan in self._scans for place, span in enumerate(scan.spans)
         ]
@@ -72,23 +68,6 @@ class IndexedLog:
             self._firsts.append(newest)
         self.chunks, self.unread = len(self._places), set[tuple[int, int | None]]()
         self._kept: OrderedDict[int, list[Record]] = OrderedDict()
-
-    @cached_property
-    def description(self) -> RobotDescription:
-        """Of the robot.
-
-        Raises:
-            LogError: the log holds none, or none that is valid.
-        """
-        try:
-            return RobotDescription.from_json(self._attached("description.json"))
-        except DescriptionError as error:
-            raise LogError(f"{self.path}: its description is not valid: {error}") from error
-
-    @property
-    def config(self) -> str:
-        """The configuration that the service ran with, YAML; "" where none is enclosed."""
-        return self._attached("config.yaml").decode(errors="replace")
 
     def records(self, chunk: int, *, keep: bool = True) -> list[Record]:
         """The records of one chunk in their order; those of a damaged one are lost.
@@ -150,21 +129,14 @@ class IndexedLog:
             return []
         found = []
         for number, (channel, _, stamp, _, payload) in enumerate(messages):
-            kind = _KINDS.get(channel)
             try:
-                if kind is not None:
-                    raw = upgraded(GROWN[kind], payload) if self._old and kind in GROWN else payload
-                    found.append(Record(kind, stamp, raw))
-                elif channel == CHANNELS["inputs"]:
-                    found.append(unpack_input(payload)[0])
-            except (ValueError, WireError):
+                record, _ = unpack_message(channel, stamp, payload)
+            except ValueError:
                 self.unread.add((chunk, number))  # of a version that is not known
+                continue
+            if record is not None:
+                found.append(record)
         return found
-
-    def _attached(self, name: str) -> bytes:
-        return next(
-            (scan.attachments[name] for scan in self._scans[::-1] if name in scan.attachments), b""
-        )
 
 
 def _loaded(kind: type[Loaded], payload: bytes) -> Loaded | None:

@@ -10,8 +10,8 @@ import hashlib
 import json
 import re
 import struct
-from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,24 +19,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import DescriptionError, LogError, WireError
-from hoap3.protocol.messages import (
-    CDR_HEADER,
-    MAX_ELEMENTS,
-    WIRE_VERSION,
-    Message,
-    Schema,
-    Setpoint,
-    State,
-)
+from hoap3.protocol.errors import ConfigError, DescriptionError, LogError, WireError
+from hoap3.protocol.messages import WIRE_VERSION
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.protocol.wire_versions import OLDEST, upgraded
-from hoap3.tools.logs.disk_rows import DiskRows, parts
+from hoap3.protocol.wire_versions import OLDEST
+from hoap3.tools.logs.disk_rows import MessageTable
 from hoap3.tools.logs.log_format import (
     CHANNELS,
     FORMAT,
-    KIND_CHANNELS,
     LEAST_TOPICS,
     OF_OTHERS,
     SCHEMAS,
@@ -44,20 +36,16 @@ from hoap3.tools.logs.log_format import (
     TOPICS,
     pack_gap,
     topic_name,
-    unpack_input,
+    unpack_message,
 )
 from hoap3.tools.logs.mcap_scan import Damage, McapMessage, McapScan
 
 Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]
 
-MOST_TOLD = 5  # damaged places that are named one by one
-MAX_PADDED = 8  # times the bytes of all messages, for a table with those of several layouts
-SLACK_BYTES = 1 << 26  # beyond that
+MOST_NAMED = 5  # damaged places that are named one by one
 LONGEST_PART = 9  # digits of a file's number
 VERSIONS = tuple(str(version) for version in range(OLDEST, WIRE_VERSION + 1))  # that are read
-GROWN: dict[Kind, type[Message]] = {Kind.STATE: State, Kind.SETPOINT: Setpoint}
-"""Messages that have got arrays since the oldest version."""
 
 NEVER_OURS = (
     *(WireError, LookupError, TypeError, ValueError),
@@ -71,10 +59,72 @@ _ORDER = {"robot": (*_FIRST, Kind.EVENT, *_CYCLE), "controller": (*_FIRST, *_CYC
 """In which records of one log time are processed, where another tool has shuffled them."""
 _RISING = frozenset({CHANNELS["state"], CHANNELS["setpoint"]})
 
+_TABLES = (Kind.STATE, Kind.SETPOINT, Kind.EVENT)
 _NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 
 
-class Log:
+class Enclosed:
+    """Files that the logs of a side enclose.
+
+    Attributes:
+        paths: of the logs.
+        attachments: enclosed files by name, the last one of each.
+    """
+
+    paths: list[Path]
+    attachments: dict[str, bytes]
+
+    @property
+    def config(self) -> str:
+        """The resolved configuration that the service ran with, as YAML.
+
+        Raises:
+            LogError: the log encloses none, or no text.
+        """
+        return self._attachment("config.yaml").decode(errors="replace")
+
+    @property
+    def settings(self) -> dict[str, Any] | None:
+        """The same as data; None where there is none that can be read."""
+        try:
+            return parse_yaml(self.config, f"config.yaml of {self.paths[0]}")
+        except (LogError, ConfigError):
+            return None
+
+    @cached_property
+    def description(self) -> RobotDescription:
+        """The robot, as it last described itself.
+
+        Raises:
+            LogError: the log holds no description, or none that is valid.
+        """
+        try:
+            return RobotDescription.from_json(self._attachment("description.json"))
+        except DescriptionError as error:
+            raise LogError(
+                f"{self.paths[0]}: its description is not valid: {error}. "
+                "Read the log with the version that wrote it"
+            ) from error
+
+    @property
+    def joint_names(self) -> Sequence[str]:
+        """Of the description; empty where there is none that is valid."""
+        try:
+            return self.description.joint_names
+        except LogError:
+            return ()
+
+    def _attachment(self, name: str) -> bytes:
+        if name not in self.attachments:
+            enclosed = ", ".join(sorted(self.attachments)) or "nothing"
+            raise LogError(
+                f"{self.paths[0]}: encloses no {name} (but {enclosed}). "
+                "Name a log that a service of ours has written to its end or nearly so"
+            )
+        return self.attachments[name]
+
+
+class Log(Enclosed):
     """One side of a run.
 
     Where a file is cut off or missing, the log ends, even if further files exist; those can be
@@ -85,7 +135,6 @@ class Log:
         robot, side: whose log it is.
         wire_version: of its messages, as they were written.
         metadata: facts by group; of several files, the last one that says something.
-        attachments: enclosed files by name, likewise.
         truncated: it ends early.
         from_begin: the first file that was written is there.
         damages: what cannot be read inside it, in words, "" for nothing.
@@ -99,20 +148,17 @@ class Log:
         self.truncated = lost is not None
         self.paths = [scan.path for scan in self.scans]
         self.metadata = {name: f for scan in self.scans for name, f in scan.metadata.items()}
-        self.attachments = {
-            name: data for scan in self.scans for name, data in scan.attachments.items()
-        }
+        self.attachments = merge_attachments(self.scans)
         first = self.scans[0].metadata["log"]
         self.robot, self.side = first["robot"], first["side"]
         self.wire_version = int(first["wire_version"])
-        self._grown = GROWN if self.wire_version < WIRE_VERSION else {}
         before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
         self.from_begin = before is None
         damages = [(scan, damage) for scan in self.scans for damage in scan.damages]
         repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self.scans]
         doubts = [f"{scan.path.name}: {what}" for scan in self.scans for what in scan.doubts]
-        told = (*_told(damages, self._begin), *doubts, *repaired)
-        self.damages = "; ".join(filter(None, told))
+        named = (*_describe(damages, self._begin), *doubts, *repaired)
+        self.damages = "; ".join(filter(None, named))
         self.missing = "; ".join(filter(None, (before, self.damages, lost)))
         self.held: dict[Kind, int] = {}
         self.unreadable: dict[Kind, int] = {}
@@ -138,44 +184,23 @@ class Log:
         return log
 
     @property
-    def config(self) -> str:
-        """The resolved configuration that the service ran with, as YAML.
-
-        Raises:
-            LogError: the log encloses none, or no text.
-        """
-        return self._attachment("config.yaml").decode(errors="replace")
-
-    @property
     def _begin(self) -> int:
         """Log time of its first message [ns], or 0."""
         return next((scan.begin for scan in self.scans if scan.begin is not None), 0)
 
+    @cached_property
+    def session(self) -> dict[str, Any]:
+        """What its first session states; empty where there is none that can be read."""
+        found = next((record for record in self.records() if record.kind == Kind.SESSION), None)
+        with suppress(ValueError, RecursionError):
+            content = json.loads(found.payload) if found is not None else {}
+            return content if isinstance(content, dict) else {}
+        return {}
+
     def names(self, key: str) -> list[str]:
         """Names that its first session gives: `extra` columns, or `conditions`."""
-        for record in self.records():
-            if record.kind == Kind.SESSION:
-                try:
-                    found = json.loads(record.payload).get(key, [])
-                except (ValueError, AttributeError, RecursionError):
-                    return []
-                return [str(name) for name in found] if isinstance(found, list) else []
-        return []
-
-    @cached_property
-    def description(self) -> RobotDescription:
-        """The robot, as it last described itself.
-
-        Raises:
-            LogError: the log holds no description, or none that is valid.
-        """
-        try:
-            return RobotDescription.from_json(self._attachment("description.json"))
-        except DescriptionError as error:
-            raise LogError(
-                f"{self.paths[0]}: its description is not valid: {error}. "
-                "Read the log with the version that wrote it"
-            ) from error
+        found = self.session.get(key)
+        return [str(name) for name in found] if isinstance(found, list) else []
 
     def records(self) -> Iterator[Record]:
         """Every record in the order in which it was processed; copies for viewers left out.
@@ -185,32 +210,24 @@ class Log:
         Raises:
             LogError: a record of another version.
         """
-        kinds = {channel: kind for kind, channel in KIND_CHANNELS.items()}
-        inputs = CHANNELS["inputs"]
         for place, scan in enumerate(self.scans):
             for channel, _, stamp, _, payload in _with_gaps(scan):
-                kind = kinds.get(channel)
-                if kind is not None:
-                    if kind in self._grown:
-                        payload = upgraded(self._grown[kind], payload)  # noqa: PLW2901
-                    yield Record(kind, stamp, payload)
-                elif channel == inputs:
-                    try:
-                        record, repeated = unpack_input(payload)
-                    except ValueError as error:
-                        raise LogError(
-                            f"{scan.path}: an input that this version does not know ({error}). "
-                            "Read the log with the version that wrote it"
-                        ) from error
-                    if not repeated or place == 0:  # it may come from a file that is gone
-                        yield record
+                try:
+                    record, repeated = unpack_message(channel, stamp, payload)
+                except ValueError as error:
+                    raise LogError(
+                        f"{scan.path}: an input that this version does not know ({error}). "
+                        "Read the log with the version that wrote it"
+                    ) from error
+                if record is not None and not (repeated and place):  # else the file may be gone
+                    yield record
 
     def table(self, kind: Kind) -> tuple[Stamps, Rows]:
         """Log times [ns] and all messages of a kind, as a structured array that lies on disk.
 
         Messages may differ in the lengths of their arrays: each array of the table is as long as
-        the longest, and NaN fills the rest. Scalars are in every message. What is no message of
-        the kind is left out and counted in `unreadable`.
+        the longest, and NaN fills the rest. Scalars are in every message. Messages that do not
+        have the schema of the kind are left out and counted in `unreadable`.
 
         Args:
             kind: STATE, SETPOINT or EVENT.
@@ -218,57 +235,40 @@ class Log:
         Raises:
             LogError: messages of another version, or no room for them in the temporary folder.
         """
-        channel, schema = KIND_CHANNELS[kind], SCHEMAS[kind]
-        stamps, rows = array("q"), DiskRows()
-        for scan in self.scans:
-            for message in scan.messages():
-                if message[0] == channel:
-                    payload = message[4]
-                    if kind in self._grown:
-                        payload = upgraded(self._grown[kind], payload)
-                    stamps.append(message[2])
-                    rows.add(payload)
-        found = np.array(stamps, np.int64)
-        layouts, which = _layouts(schema, rows)
-        longest, most = _longest(schema, layouts), MAX_PADDED * len(rows.raw) + SLACK_BYTES
-        while len(rows) * schema.dtype(longest).itemsize > most and len(layouts) > 1:
-            del layouts[max(layouts, key=lambda each: schema.dtype(layouts[each]).itemsize)]
-            longest = _longest(schema, layouts)
-        readable = np.isin(which, list(layouts))
-        self.held[kind] = int(np.count_nonzero(readable))
-        self.unreadable[kind] = len(rows) - self.held[kind]
-        if len(rows) and not layouts:
+        table = self._tables[kind]
+        stamps, rows = table.rows
+        self.held[kind], self.unreadable[kind] = len(rows), table.unreadable
+        if table.unreadable and not len(rows):
             raise LogError(
-                f"{self.paths[0]}: none of its {len(rows)} messages of kind {kind.name} can be "
-                "read. Read the log with the version that wrote it"
+                f"{self.paths[0]}: none of its {table.unreadable} messages of kind {kind.name} can "
+                "be read. Read the log with the version that wrote it"
             )
-        if not readable.all():
-            rows, found, which = rows.only(readable), found[readable], which[readable]
-        if len(layouts) > 1:
-            dtypes = {number: schema.dtype(each) for number, each in layouts.items()}
-            rows = rows.padded(which, dtypes, schema.dtype(longest))
-        return found, rows.table(schema.dtype(longest))
+        return stamps, rows
+
+    @cached_property
+    def _tables(self) -> dict[Kind, MessageTable]:
+        tables = {kind: MessageTable(SCHEMAS[kind]) for kind in _TABLES}
+        for record in self.records():
+            if record.kind in tables:
+                tables[record.kind].add(record.stamp, record.payload)
+        return tables
 
     def states(self) -> Rows:
         """Every State, as a structured array with the field names of `State.msg`."""
         return self.table(Kind.STATE)[1]
 
     def setpoints(self) -> Rows:
-        """Every Setpoint, likewise."""
+        """Every Setpoint as such an array."""
         return self.table(Kind.SETPOINT)[1]
 
     def stamps(self, kind: Kind) -> Stamps:
         """Log times [ns] of the rows that `table` gives."""
         return self.table(kind)[0]
 
-    def _attachment(self, name: str) -> bytes:
-        if name not in self.attachments:
-            enclosed = ", ".join(sorted(self.attachments)) or "nothing"
-            raise LogError(
-                f"{self.paths[0]}: encloses no {name} (but {enclosed}). "
-                "Name a log that a service of ours has written to its end or nearly so"
-            )
-        return self.attachments[name]
+
+def merge_attachments(scans: Sequence[McapScan]) -> dict[str, bytes]:
+    """Enclosed files by name, of several files that have one the last."""
+    return {name: data for scan in scans for name, data in scan.attachments.items()}
 
 
 def payload_hash(log: Log) -> str:
@@ -330,7 +330,7 @@ def _unbroken(files: list[Path]) -> tuple[list[McapScan], str | None]:
 
 
 def _with_gaps(scan: McapScan) -> Iterator[McapMessage]:
-    """The messages of a file; for each damage an input that says so."""
+    """The messages of a file; for each damage an input of kind GAP."""
     newest = scan.begin or 0
     for part in scan.parts():
         if isinstance(part, Damage):
@@ -340,12 +340,12 @@ def _with_gaps(scan: McapScan) -> Iterator[McapMessage]:
             yield from part
 
 
-def _told(damages: list[tuple[McapScan, Damage]], begin: int) -> list[str]:
+def _describe(damages: list[tuple[McapScan, Damage]], begin: int) -> list[str]:
     """Where chunks are damaged, and between which times no record is left."""
     words = [
         f"{scan.path.name}: {damage.size} bytes at byte {damage.start} are damaged, "
         f"no record is left{_span(damage, begin)}"
-        for scan, damage in damages[:MOST_TOLD]
+        for scan, damage in damages[:MOST_NAMED]
     ]
     more = len(damages) - len(words)
     return [*words, f"and {more} more such places"] if more else words
@@ -441,13 +441,11 @@ def _inferred(scan: McapScan) -> dict[str, str]:
 
 def _rank(channel: int, data: bytes, order: tuple[int, ...]) -> int:
     """The place of a message among those with its log time."""
-    kind = next((kind for kind, ours in KIND_CHANNELS.items() if ours == channel), 0)
-    if channel == CHANNELS["inputs"]:
-        try:
-            kind = unpack_input(data)[0].kind
-        except ValueError:
-            kind = 0
-    return order.index(kind) if kind in order else len(order)
+    with suppress(ValueError):
+        record, _ = unpack_message(channel, 0, data)
+        if record is not None and record.kind in order:
+            return order.index(record.kind)
+    return len(order)
 
 
 def _lost_at_begin(first: Path, facts: dict[str, str], newest: dict[str, str]) -> str | None:
@@ -468,48 +466,3 @@ def _lost_at_end(scan: McapScan) -> str | None:
         dropped = scan.metadata["repair"].get("dropped_bytes", "?")
         return f"{scan.path.name} was cut off and repaired; {dropped} bytes and what came after"
     return None
-
-
-def _longest(schema: Schema, layouts: dict[int, dict[str, int]]) -> dict[str, int]:
-    """The longest length of each array."""
-    return {name: max((e[name] for e in layouts.values()), default=0) for name in schema.arrays}
-
-
-def _layouts(schema: Schema, rows: DiskRows) -> tuple[dict[int, dict[str, int]], Stamps]:
-    """The different lengths of arrays, and which of them each message has, (N,); -1 for none."""
-    sizes, raw = rows.sizes, rows.raw
-    begins, which = np.cumsum(sizes) - sizes, np.full(len(rows), -1)
-    if len(raw) and (sizes == sizes[0]).all():
-        same = _layout_of_all(schema, rows)
-        if same is not None:
-            return {0: same}, np.zeros_like(which)
-    known: dict[tuple[int, ...], int] = {}
-    for part in parts(len(rows) if len(raw) else 0):
-        begin, size = begins[part], sizes[part]
-        at = np.full(len(begin), len(CDR_HEADER) + schema.scalar_struct.size)
-        counts, fits = np.zeros((len(begin), len(schema.arrays)), np.int64), begin >= 0
-        for column in range(len(schema.arrays)):
-            fits &= at + 4 <= size
-            words = np.where(fits, begin + at, 0)[:, None] + np.arange(4)
-            count = raw[np.minimum(words, len(raw) - 1)].view("<u4")[:, 0].astype(np.int64)
-            fits &= count <= MAX_ELEMENTS
-            counts[:, column] = count = np.where(fits, count, 0)
-            at += 4 + np.where(count > 0, -(at - len(CDR_HEADER) + 4) % 8 + 8 * count, 0)
-        fits &= at == size
-        different, place = np.unique(counts[fits], axis=0, return_inverse=True)
-        numbers = [known.setdefault(tuple(each), len(known)) for each in different.tolist()]
-        which[part][fits] = np.array(numbers, np.int64)[place.ravel()]
-    layouts = {n: dict(zip(schema.arrays, each, strict=True)) for each, n in known.items()}
-    return layouts, which
-
-
-def _layout_of_all(schema: Schema, rows: DiskRows) -> dict[str, int] | None:
-    """The lengths of the arrays of messages of one size; None where they differ."""
-    table = rows.raw.reshape(len(rows), -1)
-    try:
-        lengths = schema.lengths_in(table[0].tobytes())
-    except WireError:
-        return None
-    places = [len(CDR_HEADER) + at for at in schema.offsets(lengths)[0].values()]
-    same = all((table[:, at : at + 4] == table[0, at : at + 4]).all() for at in places)
-    return lengths if same else None

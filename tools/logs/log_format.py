@@ -23,8 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.messages import CDR_HEADER, Event, Setpoint, State, Target
+from hoap3.protocol.messages import CDR_HEADER, Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.protocol.wire_versions import upgraded
 
 PROFILE = "ros2"
 FORMAT = "1"  # of what this module lays down
@@ -33,13 +34,14 @@ REPEATED = frozenset({Kind.DESCRIPTION, Kind.SESSION, Kind.AUTHORITY, Kind.CONFI
 """Kinds of which each file of a log holds the last one of the files before it."""
 OF_OTHERS = frozenset({Kind.REQUEST, Kind.TOKEN, Kind.CONFIG})
 """Kinds that tell what others did or are; no loop depends on them."""
-SCHEMAS = {
-    Kind.STATE: State.schema,
-    Kind.SETPOINT: Setpoint.schema,
-    Kind.EVENT: Event.schema,
-    Kind.TARGET: Target.schema,
+MESSAGES: dict[Kind, type[Message]] = {
+    Kind.STATE: State,
+    Kind.SETPOINT: Setpoint,
+    Kind.EVENT: Event,
+    Kind.TARGET: Target,
 }
 """Kinds that are logged as they were sent."""
+SCHEMAS = {kind: message.schema for kind, message in MESSAGES.items()}
 TICK = {Kind.STATE: "tick", Kind.SETPOINT: "tick", Kind.EVENT: "tick", Kind.TARGET: "first_tick"}
 """The field of a message that says where in the robot's schedule it belongs."""
 SENT_STAMP = {Kind.STATE: "stamp_published", Kind.SETPOINT: "stamp_encoded", Kind.EVENT: "stamp"}
@@ -105,6 +107,7 @@ KIND_CHANNELS = {
     Kind.EVENT: CHANNELS["events"],
     Kind.TARGET: CHANNELS["targets"],
 }
+_KINDS = {channel: kind for kind, channel in KIND_CHANNELS.items()}
 
 
 def topic_name(robot: str, leaf: str) -> str:
@@ -181,6 +184,18 @@ def unpack_input(payload: bytes) -> tuple[Record, bool]:
         return Record(Kind[kind.upper()], int(stamp), raw), flag == "true"
     except (KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"not the expected content: {error!r:.80}") from error
+
+
+def unpack_message(channel: int, stamp: int, payload: bytes) -> tuple[Record | None, bool]:
+    """The record of a message, and whether it is a repetition; None: copies for viewers, others.
+
+    Raises:
+        ValueError: an input that `pack_input` did not make.
+    """
+    kind = _KINDS.get(channel)
+    if kind is not None:
+        return Record(kind, stamp, upgraded(MESSAGES[kind], payload)), False
+    return unpack_input(payload) if channel == CHANNELS["inputs"] else (None, False)
 
 
 class JointStates:

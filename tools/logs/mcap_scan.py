@@ -30,20 +30,14 @@ import lz4.frame
 import numpy as np
 import zstandard
 from mcap import records
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
 from hoap3.protocol.config.regular_file import open_regular
 from hoap3.protocol.errors import LogError
 from hoap3.tools.logs.disk_rows import LogMessage, SortedRows
-from hoap3.tools.logs.mcap_write import (
-    MAGIC,
-    MESSAGE_FIELDS,
-    MESSAGE_HEAD,
-    crc_before,
-    pack_index,
-)
+from hoap3.tools.logs.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD, crc_before
 
 MAX_CHUNK = 1 << 26  # bytes that a chunk may unpack to; ours have 1 MiB and a record more
 MAX_RECORD = 1 << 24  # bytes of an attachment, or of anything else that is kept in memory
@@ -91,7 +85,7 @@ class Damage:
     Attributes:
         start, size: where it stands [bytes].
         after: log time of the newest message before it [ns], None where there is none.
-        before: log time of the oldest message behind it [ns], likewise.
+        before: log time of the oldest message behind it [ns], None where there is none.
     """
 
     start: int
@@ -117,8 +111,8 @@ class McapScan:
         logs: every group `log` of the metadata; a file that was merged has several.
         ids: our number of each channel, where messages get one; 0 for those of no topic of ours.
         moved: another tool has written it: schemas lie in chunks, or messages in none.
-        rebuilt: what is damaged outside the chunks, but known from elsewhere in the file.
-        doubts: what is damaged there and known from nowhere else.
+        rebuilt: what is damaged outside the chunks, but follows from the rest of the file.
+        doubts: what is damaged there and cannot be restored for certain.
         counts: messages in the chunks, and what the statistics of the file count, or None.
     """
 
@@ -141,8 +135,6 @@ class McapScan:
     counts: tuple[int, int | None] = 0, None
     _parts: list[_Chunk | Damage] = field(default_factory=list)
     _sorted: SortedRows | None = None
-    _first: dict[tuple[type, int], tuple[int, Any]] = field(default_factory=dict)
-    _copies: dict[int, bytes] = field(default_factory=dict)
     _data_end: tuple[int, int] | None = None
     _unsummed: bool = False
     _skipped: bool = False
@@ -189,6 +181,11 @@ class McapScan:
                 f"{path}: cannot be read ({error.strerror}). Name a log, or the folder of a run"
             ) from error
         return scan
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether the file is whole and no damage was found."""
+        return self.whole and not (self.damages or self.doubts or self.rebuilt)
 
     @property
     def has_messages(self) -> bool:
@@ -240,11 +237,11 @@ class McapScan:
             return list(self._unpack(self._chunks()[place], stream))
 
     def sort(self, rank: Callable[[int, bytes], int], ordered: frozenset[int]) -> None:
-        """Put messages in the order of their log times, if another tool has shuffled them.
+        """Put messages in the order of their log times, if another tool has reordered them.
 
         Args:
             rank: of a message among those with its log time, by channel and data.
-            ordered: channels whose log times rise in a file that nobody has shuffled.
+            ordered: channels whose log times rise in a file that was not reordered.
         """
         stamps = np.fromiter((m[2] for m in self.messages() if m[0] in ordered), np.int64)
         if (np.diff(stamps) < 0).any():
@@ -286,56 +283,23 @@ class McapScan:
         self.counts = room - left, self.counts[1]
 
     def _check_sums(self, stream: IO[bytes]) -> None:
-        """Check the CRC of the data section; what is damaged, and can be computed, is `rebuilt`."""
+        """Check the CRC of the data section, and the number of messages."""
         held, stated = self.counts
-        if not (self.damages or self.rebuilt) and stated not in {None, held}:
+        if self.damages or self.doubts:
+            return
+        if not self.rebuilt and stated not in {None, held}:
             self.doubts.append(f"it holds {held} messages, but its statistics count {stated}")
         if self._data_end is None:
             self.doubts.append("the record that ends its data section is damaged")
             return
         end, crc = self._data_end
-        if self.damages or self.doubts or not crc:
-            return
-        if crc_before(stream, end, {}) == crc:
-            if self._skipped and not self.rebuilt:
-                self.rebuilt.append("the record that ends its data section")
-            return
-        patches = self.patches(stream)
-        if crc_before(stream, end, {start: data for start, (data, _) in patches.items()}) == crc:
-            self.rebuilt += described(patches)
-        else:
+        if crc and crc_before(stream, end) != crc:
             self.doubts.append(
-                "its header, its metadata, a file that it encloses, or the record that ends its "
-                "data section is damaged"
+                "something outside its chunks is damaged: its header, metadata, schemas, "
+                "channels, message indexes, or the end of its data section"
             )
-
-    def patches(self, stream: IO[bytes]) -> dict[int, tuple[bytes, str]]:
-        """What is redundant and damaged: where, the right bytes as our writer makes them, and what.
-
-        Args:
-            stream: the file.
-        """
-        found = {start: (data, "a schema or channel") for start, data in self._copies.items()}
-        found[0] = MAGIC, "the mark of an MCAP file"
-        for chunk in self._chunks():
-            entries: dict[int, list[tuple[int, int]]] = {}
-            at = 0
-            for channel, _, log, _, data in self._unpack(chunk, stream):
-                entries.setdefault(channel, []).append((log, at))
-                at += MESSAGE_HEAD.size + len(data)
-            each = [np.array(entries[channel], np.uint64) for channel in sorted(entries)]
-            indexes = [pack_index(*pair) for pair in zip(sorted(entries), each, strict=True)]
-            found[chunk.start + chunk.length] = b"".join(indexes), "a message index"
-            if each:
-                stamps = np.concatenate(each)[:, 0]
-                times = struct.pack("<QQ", int(stamps.min()), int(stamps.max()))
-                found[chunk.start] = times, "the times of a chunk"
-        wrong = {}
-        for start, (data, what) in found.items():
-            stream.seek(start)
-            if stream.read(len(data)) != data:
-                wrong[start] = data, what
-        return wrong
+        elif self._skipped and not self.rebuilt:
+            self.rebuilt.append("the record that ends its data section")
 
     def _walk(self, stream: IO[bytes]) -> None:
         chunks, starts = self._indexed(stream)
@@ -351,8 +315,7 @@ class McapScan:
                 self.problem = self._next(stream)
                 if not self.problem:
                     continue
-                self._skipped = True
-                stopped = self.end, self.problem
+                stopped, self._skipped = (self.end, self.problem), True
             if self._parts:  # go back to the first chunk that was not found, if there is one
                 tried = max(tried, _extent(self._parts[-1])[1] - 1)
             place = bisect_right(starts, tried)
@@ -435,7 +398,7 @@ class McapScan:
             case records.Header(profile=profile):
                 self.profile = profile
             case records.Channel() | records.Schema() as record:
-                self._define(record, start)
+                self._define(record)
             case records.Metadata(name=name, metadata=facts):
                 self.metadata[name] = facts
                 if name == "log":
@@ -457,16 +420,11 @@ class McapScan:
             raise LogError(self._too_much("bytes"))
         self._parts.append(chunk)
 
-    def _define(self, record: records.Channel | records.Schema, start: int) -> None:
-        """Take a channel or a schema; the summary has copies of those before it."""
+    def _define(self, record: records.Channel | records.Schema) -> None:
+        """Take a channel or a schema; the copies in an intact summary replace those before it."""
         group: dict[int, Any] = (
             self.channels if isinstance(record, records.Channel) else self.schemas
         )
-        place, first = self._first.setdefault((type(record), record.id), (start, record))
-        if first != record and self._data_end is not None:
-            builder: Any = RecordBuilder()
-            record.write(builder)
-            self._copies[place - _RECORD.size] = builder.end()
         if not self._unsummed or record.id not in group:
             group[record.id] = record
 
@@ -516,7 +474,7 @@ class McapScan:
         if opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
             self.moved = True
             try:
-                self._define(_PARSERS[opcode](ReadDataStream(BytesIO(raw))), 0)
+                self._define(_PARSERS[opcode](ReadDataStream(BytesIO(raw))))
             except (McapError, ValueError, struct.error) as error:
                 raise self._damaged(chunk) from error
 
@@ -555,11 +513,6 @@ def _extent(part: _Chunk | Damage) -> tuple[int, int]:
     if isinstance(part, Damage):
         return part.start, part.start + part.size
     return part.start - _RECORD.size, part.start + part.length
-
-
-def described(patches: dict[int, tuple[bytes, str]]) -> list[str]:
-    """What was damaged, in words."""
-    return [f"{what} at byte {start}" for start, (_, what) in patches.items()]
 
 
 def _ends_well(stream: IO[bytes], size: int) -> bool:

@@ -146,7 +146,8 @@ class McapFile:
         offsets: dict[int, int] = {}
         for channel, found in entries.items():
             offsets[channel] = start + self._pending.count
-            self._pending.write(pack_index(channel, found))
+            head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + found.nbytes, channel, found.nbytes)
+            self._pending.write(head + found.tobytes())
         total = self._pending.count
         self.flush()
         for channel, found in entries.items():
@@ -237,25 +238,12 @@ class McapFile:
         builder.write(summary + struct.pack("<I", zlib.crc32(summary)) + MAGIC)
 
 
-def pack_index(channel: int, entries: npt.NDArray[np.uint64]) -> bytes:
-    """The message index of a channel in a chunk, of log times and offsets (m, 2)."""
-    size = entries.nbytes
-    head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
-    return head + entries.tobytes()
-
-
-def crc_before(stream: IO[bytes], end: int, patches: dict[int, bytes]) -> int:
-    """CRC of a file before `end`, with other bytes at some places; -1 where it is shorter."""
-    crc = at = 0
+def crc_before(stream: IO[bytes], end: int) -> int:
+    """CRC of a file before `end`."""
+    crc = 0
     stream.seek(0)
-    for start, data in [*sorted(patches.items()), (end, b"")]:
-        while at < start:
-            block = stream.read(min(start - at, BLOCK))
-            if not block:
-                return -1
-            crc, at = zlib.crc32(block, crc), at + len(block)
-        crc, at = zlib.crc32(data, crc), at + len(data)
-        stream.seek(at)
+    for start in range(0, end, BLOCK):
+        crc = zlib.crc32(stream.read(min(BLOCK, end - start)), crc)
     return crc
 
 

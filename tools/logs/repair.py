@@ -1,4 +1,4 @@
-"""Makes a whole log of one that was cut off, or has damaged chunks.
+"""Make a whole log of one that was cut off, or has damaged chunks.
 
 The result stands beside the original, as `<name>.repaired.mcap`, and the original is not touched.
 """
@@ -21,7 +21,7 @@ from hoap3.tools.logs.file_lock import is_locked
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import CHANNELS, TOPICS, pack_gap
 from hoap3.tools.logs.log_writer import topics
-from hoap3.tools.logs.mcap_scan import Damage, McapScan, described
+from hoap3.tools.logs.mcap_scan import Damage, McapScan
 from hoap3.tools.logs.mcap_write import McapFile
 
 REPAIRED = ".repaired.mcap"
@@ -41,8 +41,8 @@ class RepairReport:
         dropped_bytes: what could not be read at its end.
         damaged: what could not be read before that, in words, or "".
         already: an earlier repair has made `out`; it was left alone.
-        rebuilt: what was damaged but is known from other parts of the file, in words, or "".
-        doubts: what was damaged outside its chunks and could not be repaired, in words, or "".
+        rebuilt: parts that were damaged but follow from the rest of the file, or "".
+        doubts: damage outside its chunks that could not be repaired for certain, or "".
         others: messages on topics that are not ours, which were left out.
     """
 
@@ -99,7 +99,7 @@ def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     reports, wrong = [], []
     for file in files:
         try:
-            reports.append(_left_alone(file) or _repaired_before(file) or _mended(file))
+            reports.append(_left_alone(file) or _repaired_before(file) or _repaired(file))
         except UsageError as error:
             wrong.append(str(error))
     return reports, wrong
@@ -117,9 +117,9 @@ def repair(path: Path) -> RepairReport:
         UsageError: the result exists already, or cannot be written, or the log is being written.
     """
     if path.is_dir():
-        raise LogError(f"{path}: is a folder. Name the file to mend")
+        raise LogError(f"{path}: is a folder. Name the file to repair")
     try:
-        return _left_alone(path) or _mended(path)
+        return _left_alone(path) or _repaired(path)
     except LogError as error:
         doubts = "; ".join(McapScan.of(path).doubts)
         if not doubts:
@@ -127,9 +127,9 @@ def repair(path: Path) -> RepairReport:
         raise Hoap3Error(f"{path}: {doubts}, and nothing can be saved: {error}") from error
 
 
-def _mended(path: Path) -> RepairReport:
+def _repaired(path: Path) -> RepairReport:
     """Write what can be read of a log that is not whole."""
-    if is_locked(path, unknown=False):  # else none could be mended where locks are not known
+    if is_locked(path, unknown=False):  # else none could be repaired where locks are not known
         raise UsageError(f"{path}: is being written. Repair it once that has ended")
     log = Log.open(path)
     (scan,) = log.scans
@@ -177,7 +177,7 @@ def _left_alone(path: Path) -> RepairReport | None:
         LogError: not a log of ours.
     """
     (scan,) = Log.open(path).scans
-    if not scan.whole or scan.damages or scan.doubts or scan.rebuilt or _index_flaws(scan):
+    if not scan.is_intact or _index_flaws(scan):
         return None
     messages, last = 0, None
     for message in scan.messages():
@@ -215,21 +215,16 @@ def _repaired_before(path: Path) -> RepairReport | None:
 
 def _index_flaws(scan: McapScan) -> list[str]:
     """What is wrong with the indexes of a file, which other readers need and ours does not."""
-    if not scan.whole:
-        return []
+    if not scan.is_intact:
+        return []  # it is written again in any case
     with scan.path.open("rb") as stream:
-        if scan.damages or scan.doubts or scan.rebuilt:
-            return []  # it is written anew in any case
-        flaws = [] if scan.moved else described(scan.patches(stream))
-        stream.seek(0)
         try:
             reader = make_reader(stream, validate_crcs=True)
             found = sum(1 for _ in reader.iter_messages(log_time_order=False))
         except (*NEVER_OURS, McapError, RuntimeError, EOFError, struct.error) as error:
-            return [*flaws, f"its index ({type(error).__name__})"]
-    if found != scan.counts[0]:
-        flaws.append(f"its index, which has {found} of {scan.counts[0]} messages")
-    return flaws
+            return [f"its index ({type(error).__name__})"]
+    count = scan.counts[0]
+    return [] if found == count else [f"its index, which has {found} of {count} messages"]
 
 
 def _number(text: str) -> int:

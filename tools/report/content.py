@@ -21,7 +21,6 @@ from hoap3.tools.report.plots.motion_plots import motion_drawings
 from hoap3.tools.report.plots.timing_plots import timing_drawings
 from hoap3.tools.report.sources import Sources, of_ours
 from hoap3.tools.report.timing import Timing, read_timing
-from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.verdicts import judge
 
 
@@ -89,12 +88,9 @@ class Content:
         outcome = self.checked.outcomes.get(motion.session_id) if motion is not None else None
         return judge(
             self.timing.verdict if self.timing else None,
-            sources.interventions,
-            sources.torque_limited,
+            sources.summary,
             outcome,
             damaged=sources.lost,
-            joints=sources.held_back_joints,
-            body=body_of(sources.summary),
         )
 
     @property

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
@@ -41,7 +39,7 @@ def read_happenings(log: Log) -> list[Happening]:
     Conditions are left out: they have a table of their own.
     """
     _, events = log.table(Kind.EVENT)
-    joints = _joints(log)
+    joints = log.joint_names
     found: list[Happening] = []
     often: dict[int, list[int]] = {}
     first: dict[int, tuple[int, int]] = {}
@@ -63,10 +61,3 @@ def read_happenings(log: Log) -> list[Happening]:
             text = f"{whole} in all, {text.rpartition(': ')[2]} at most at once"
         found.append(Happening(log.side, tick, stamp, event_name(kind, 0), text, len(details)))
     return sorted(found, key=lambda happening: happening.stamp)
-
-
-def _joints(log: Log) -> Sequence[str]:
-    try:
-        return log.description.joint_names
-    except LogError:
-        return ()

@@ -9,10 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
@@ -118,15 +115,6 @@ class Sources:
         return self._counted("torque_limited")
 
     @property
-    def held_back_joints(self) -> dict[str, Any] | None:
-        """Which joints the robot held back (`hoap3.tools.show.verdicts`); None: not told."""
-        found = self.summary.get("held_back_joints")
-        whole = isinstance(found, dict) and all(
-            isinstance(found.get(key), kind) for key, kind in HELD_BACK_JOINTS.items()
-        )
-        return found if whole else None
-
-    @property
     def realtime(self) -> list[str] | None:
         """Real-time measures of the robot's process; None where its log does not say."""
         found = self.summary.get("realtime")
@@ -139,16 +127,8 @@ class Sources:
     def settings(self, side: str) -> dict[str, Any]:
         """The resolved config of a side; empty where it is not known."""
         log = self.of(side)
-        if log is None:
-            return {}
-        try:
-            return parse_yaml(log.config, f"config in {log.paths[0]}")
-        except (LogError, ConfigError, yaml.YAMLError):
-            return {}
+        return (log.settings if log is not None else None) or {}
 
-
-HELD_BACK_JOINTS = {"first": str, "first_tick": int, "most": str, "most_periods": int}
-"""What a robot tells of the joints that it held back."""
 
 _ONLY_THERE = {
     "robot": "whether answers were in time, and when it woke, stands",

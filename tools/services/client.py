@@ -16,8 +16,8 @@ ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a robot listens by default."""
 
 
-def tell(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
-    """Ask a running robot something; with "stop" or "status" all robots of that name.
+def request_all(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
+    """Send a request to a running robot; "stop" and "status" to all robots of that name.
 
     Args:
         robot: its name.
@@ -25,7 +25,7 @@ def tell(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
         endpoint: where it, or a router, listens.
 
     Returns:
-        The answer of each, with `endpoint` and `pid`, None where its token does not tell.
+        The answer of each, with `endpoint` and `pid`, None where its token does not have them.
 
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint, or several robots have it.
@@ -44,7 +44,7 @@ def tell(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
             network.check_unique(session, robot)
         replies = network.ask_all(session, robot, verb, me, max(len(sessions), 1))
         if not replies and (reply := network.ask(session, robot, verb, me)) is not None:
-            replies = [reply]  # of a robot that speaks version 1
+            replies = [reply]  # of a robot with version 1 of the wire
     if not replies:
         look = f"`hoap3 list --live`{unanswered(settings)}"
         raise LinkError(f"no robot called {robot!r} answers at {endpoint}: {look}")

@@ -18,7 +18,7 @@ from hoap3.tools.services.client import (
     check_name,
     check_right,
     client_settings,
-    tell,
+    request_all,
 )
 
 Answer = dict[str, Any]
@@ -47,7 +47,7 @@ def ask_robots(
     found = _find_all(robot) if endpoint is None else []
     if not found:
         name, place = reach_robot(robot, endpoint)
-        return [{"robot": name, **each} for each in tell(name, verb, place)], []
+        return [{"robot": name, **each} for each in request_all(name, verb, place)], []
     if verb not in {"stop", "status"}:
         _refuse_several(found)
     given, failures = list[Answer](), list[Hoap3Error]()
@@ -60,14 +60,14 @@ def ask_robots(
         raise failures[0]
     name, here = found[0].name, {each["session_id"] for each in given}
     for place in {each["endpoint"] for each in given if each.get("name_conflicts")}:
-        others = [each for each in tell(name, verb, place) if each["session_id"] not in here]
+        others = [each for each in request_all(name, verb, place) if each["session_id"] not in here]
         given += [{"robot": name, **each} for each in others]
         here |= {each["session_id"] for each in others}
     return given, [str(error) for error in failures]
 
 
 def release_robot(robot: str | None, endpoint: str | None = None) -> tuple[str, Answer]:
-    """Take authority from whoever holds it over a robot.
+    """Release the authority over a robot, whichever client holds it.
 
     Args:
         robot: its name; None: the only one that runs.
@@ -84,14 +84,10 @@ def release_robot(robot: str | None, endpoint: str | None = None) -> tuple[str, 
         if not isinstance(endpoint, Place):
             raise UsageError("--connect: over the network `release` is for an admin: give --secure")
         name, place = reach_robot(robot, endpoint)
-        return name, tell(name, "release", place)[0]
+        return name, request_all(name, "release", place)[0]
     found = find_local(robot)
     if found is None:
-        others = others_here(robot or "")
-        raise LinkError(
-            f"no robot{f' called {robot!r}' if robot else ''} of this user runs on this machine: "
-            f"run `hoap3 release` where the robot runs, as its user{others and '; '}{others}"
-        )
+        raise _none_here(robot, ": run `hoap3 release` where the robot runs, as its user")
     answer = _answer(found, "release")
     return found.name, {"released": answer["released"]}
 
@@ -118,11 +114,7 @@ def reach_robot(robot: str | None, endpoint: str | None) -> tuple[str, str]:
     found = find_local(robot)
     place = ENDPOINT if found is None else endpoint_of(found)
     if found is None and not listens(place):
-        others = others_here(robot or "")
-        raise LinkError(
-            f"no robot{f' called {robot!r}' if robot else ''} of this user runs on this machine, "
-            f"and nobody answers at {place}. {REMEDY}{others and '; '}{others}"
-        )
+        raise _none_here(robot, f", and nothing answers at {place}. {REMEDY}")
     if isinstance(endpoint, Place):
         place = Place(over_tls(place), endpoint.secure)
     return found.name if found else robot or only_alive(place), place
@@ -181,11 +173,17 @@ def _find_all(robot: str | None) -> list[LocalRobot]:
 def _refuse_several(found: list[LocalRobot]) -> None:
     if len(found) < 2:
         return
-    named = [_local(one) for one in found]
-    names = ", ".join(f"{one['robot']} at {one['endpoint'] or 'no endpoint'}" for one in named)
     same = len({one.name for one in found}) == 1
     what = "Give its endpoint: --connect, in Python `endpoint=`" if same else "Add its name"
-    raise UsageError(f"{len(found)} robots run on this machine: {names}. {what}")
+    listed = ", ".join(map(str, found))
+    raise UsageError(f"{len(found)} robots run on this machine: {listed}. {what}")
+
+
+def _none_here(robot: str | None, remedy: str) -> LinkError:
+    name, others = f" called {robot!r}" if robot else "", others_here(robot or "")
+    return LinkError(
+        f"no robot{name} of this user runs on this machine{remedy}{others and '; '}{others}"
+    )
 
 
 def only_alive(endpoint: str) -> str:

@@ -13,9 +13,9 @@ from typing import Any
 from hoap3.protocol.answers import parse_description
 from hoap3.protocol.config.settings import LogSettings
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError
-from hoap3.protocol.messages import Message, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.protocol.wire_versions import upgraded
+from hoap3.tools.logs.log_format import MESSAGES
 from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.machine.machine import versions
 from hoap3.tools.machine.processes import StopFlag
@@ -23,7 +23,6 @@ from hoap3.tools.services.client import check_name, client_settings, unanswered
 from hoap3.tools.services.observer import REPAIR
 from hoap3.tools.services.services import run_folder
 
-MESSAGES: dict[Kind, type[Message]] = {Kind.STATE: State, Kind.SETPOINT: Setpoint}
 POLL_S = 0.005
 BACKLOG = 4096  # records heard and not yet written: 2 s of a robot and its controller at 1 kHz
 

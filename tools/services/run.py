@@ -26,7 +26,6 @@ from hoap3.tools.machine.processes import Child, StopFlag, check_open_files, to_
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.services import as_yaml, observer_for, run_folder, told, watched_cpus
-from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.certificate_count import CountingRecorder
 from hoap3.tools.show.refusal import forget, is_new, nothing_happened
 from hoap3.tools.show.verdicts import judge
@@ -351,17 +350,11 @@ def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
     theirs = controller.get("certificates")
     if summary["certificates"] and theirs:
         summary["certificates"]["reasons"] = theirs["reasons"]
-    held_back, limited = summary["interventions"], summary["torque_limited"]
     verdict = summary["verdicts"]["deadlines"]
     verdict = FAIL if verdict == NOT_JUDGED else verdict  # answers should have been requested
     deadlines = {"verdict": verdict, **summary["deadlines"]}
-    robot, outcome = summary["limits_and_balance"], controller.get("outcome")
-    summary |= judge(
-        *(deadlines, held_back, limited, outcome),
-        expected=True,
-        joints=robot["held_back_joints"],
-        body=body_of(robot),
-    )
+    counts = {**summary["limits_and_balance"], **summary}
+    summary |= judge(deadlines, counts, controller.get("outcome"), expected=True)
 
 
 def _watched(

@@ -16,7 +16,6 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.certificate import checked_status
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
-from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.certificate_count import CertificateCount, reasons_on_wire
 from hoap3.tools.show.verdicts import judge
 
@@ -117,7 +116,6 @@ class RunStatistics:
         safe_stops = robot.get("safe_stops", 0)
         skipped = self._skipped_active
         outside, outside_rate = self._outside(robot.get("in_time", 0))
-        interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
         result: dict[str, Any] = {
             "deadline": self._deadline,
             "delay_ticks": self.delay_ticks,
@@ -141,8 +139,8 @@ class RunStatistics:
             },
             "rejections": robot.get("rejections", {}),
             "safe_stops": safe_stops,
-            "interventions": interventions,
-            "torque_limited": limited,
+            "interventions": robot.get("interventions", 0),
+            "torque_limited": robot.get("torque_limited", 0),
             "final_error": None if math.isnan(self._error) else self._error,
             "certificates": self._certificates.figures(),
             "complete": self._summary is not None,
@@ -159,9 +157,7 @@ class RunStatistics:
         deadlines = unknown_deadlines(COUNT_LOST, "the robot's own count is lost", FAIL)
         if robot:
             deadlines = judge_deadlines(result, robot.get("misses_to_stop"))
-        given = (deadlines, interventions, limited, None)
-        joints, body = robot.get("held_back_joints"), body_of(robot)
-        return {**judge(*given, joints=joints, body=body), **result}
+        return {**judge(deadlines, {**robot, **result}, None), **result}
 
     def _outside(self, in_time: int) -> tuple[int | None, float | None]:
         """Misses and skipped ticks that no stall excuses, and the success rate without the others.

@@ -24,6 +24,7 @@ _FIGURES: dict[str, dict[str, type | tuple[type, ...]]] = {
         "furthest_by": (int, float),
         "unit": str,
     },
+    "held_back_joints": {"first": str, "first_tick": int, "most": str, "most_periods": int},
     "base": {
         "tilt_deg": (int, float),
         "largest_tilt_deg": (int, float),
@@ -34,7 +35,7 @@ _FIGURES: dict[str, dict[str, type | tuple[type, ...]]] = {
 
 
 def body_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """`beyond_stops` and `base` of a robot's summary; None for what is not told, or not whole.
+    """`beyond_stops`, `held_back_joints` and `base` of a robot's summary; None where not whole.
 
     Args:
         summary: as a robot of any version wrote it; docs/concepts.md has the keys.

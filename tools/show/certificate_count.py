@@ -34,23 +34,26 @@ class CertificateCount:
 
     Args:
         session_id: of the robot; records of others are left out. None takes all.
+
+    Attributes:
+        present: names of the conditions that hold now.
     """
 
     def __init__(self, session_id: int | None = None) -> None:
         self._session_id = session_id
         self._names: Sequence[str] = ()
-        self._present: frozenset[str] = frozenset()
+        self.present: frozenset[str] = frozenset()
         self._answers: Counter[tuple[int, frozenset[str]]] = Counter()
-        self._setpoint = Setpoint(0)
 
     def add(self, record: Record) -> None:
         """Take one record of a controller's log."""
         try:
             if record.kind == Kind.SETPOINT:
-                setpoint = self._loaded(record.payload)
+                setpoint = Setpoint.like(record.payload)
+                setpoint.load(record.payload)
                 if self._session_id in {None, setpoint.session_id}:
                     status, invalid = certificate.checked_status(setpoint)
-                    self.answer(status, self._present | invalid)
+                    self.answer(status, self.present | invalid)
             elif record.kind == Kind.EVENT:
                 self._add_event(record.payload)
             elif record.kind == Kind.SESSION:
@@ -60,7 +63,7 @@ class CertificateCount:
 
     def answer(self, status: int, reasons: frozenset[str] | None = None) -> None:
         """Take the status of one answer, and reasons other than the conditions that hold."""
-        self._answers[status, self._present if reasons is None else reasons] += 1
+        self._answers[status, self.present if reasons is None else reasons] += 1
 
     def figures(self) -> dict[str, Any] | None:
         """Counts by status, `without` certificate, and `reasons`; None where nothing was proved.
@@ -85,28 +88,18 @@ class CertificateCount:
         named = {name: dict(found.most_common()) for name, found in reasons.items() if found}
         return {"n": total, **counts, "without": without, "reasons": named}
 
-    def _loaded(self, payload: bytes) -> Setpoint:
-        if len(payload) != self._setpoint.size:
-            self._setpoint = Setpoint.like(payload)
-        try:
-            self._setpoint.load(payload)
-        except WireError:  # of another layout
-            self._setpoint = Setpoint.like(payload)
-            self._setpoint.load(payload)
-        return self._setpoint
-
     def _begin(self, session: Any) -> None:
         if isinstance(session, dict) and self._session_id in {None, session.get("session_id")}:
             names = session.get("conditions")
             self._names = [str(name) for name in names] if isinstance(names, list) else []
-            self._present = frozenset()
+            self.present = frozenset()
 
     def _add_event(self, payload: bytes) -> None:
         kind, session, number = Event.scalars(payload, "kind", "session_id", "detail")
         if kind not in {_BEGAN, _ENDED} or self._session_id not in {None, session}:
             return
         name = {named(self._names, number, "condition")}
-        self._present = self._present | name if kind == _BEGAN else self._present - name
+        self.present = self.present | name if kind == _BEGAN else self.present - name
 
 
 def reasons_on_wire(status: int, setpoint: bytes) -> frozenset[str]:

@@ -51,30 +51,25 @@ _UNTOLD = {
 
 def judge(
     deadlines: Mapping[str, Any] | None,
-    held_back: int | None,
-    torque_limited: int | None,
+    counts: Mapping[str, Any],
     outcome: Mapping[str, Any] | None,
     *,
     expected: bool = False,
     damaged: Collection[str] = (),
-    joints: Mapping[str, Any] | None = None,
-    body: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Verdicts, and what each rests on.
 
     Args:
         deadlines: what `judge_deadlines` returns; None where nothing is known.
-        held_back, torque_limited: periods in which the robot held a joint back, or could not keep
-            its limits for lack of torque; None where that is not known.
-        outcome: what the controller told at its end, see `hoap3.remote_controller.outcome`; None
-            where that is not known.
-        expected: the controller should have told it; where it did not, verdicts fail.
+        counts: of the robot, as its summary and status have them; empty where it reports none.
+            `interventions` and `torque_limited` are periods in which it held a joint back, or
+            could not keep its limits for lack of torque; see also `body_findings`.
+        outcome: what the controller reported at its end, see `hoap3.remote_controller.outcome`;
+            None where that is not known.
+        expected: an outcome is required; without one, verdicts fail.
         damaged: sides, "robot" or "controller", whose logs are cut off or damaged. What is not
             known of these is lost, which fails; ticks that are missing were perhaps not in time,
             so the deadlines of such a robot fail or are not judged.
-        joints: which the robot held back, as its summary has them; None where that is not known.
-        body: what the robot measured of its body, see `hoap3.tools.show.body_findings`; None where
-            that is not known.
 
     Returns:
         `verdicts`, `deadlines`, `task` and `limits_and_balance`, as docs/concepts.md defines them;
@@ -84,13 +79,12 @@ def judge(
     if "robot" in damaged and timing["verdict"] != FAIL:
         timing = unknown_deadlines(DAMAGED, REASONS[DAMAGED])
     task = _task(outcome, damaged)
-    limits = _limits(held_back, torque_limited, outcome, damaged, body or {})
+    limits = _limits(counts, outcome, damaged)
     verdicts = {
         "deadlines": timing["verdict"],
         "task": _verdict(task["reasons"], expected=expected),
         "limits_and_balance": _verdict(limits["reasons"], expected=expected),
     }
-    limits["held_back_joints"] = dict(joints) if joints else None
     task["text"], limits["text"] = _task_words(task), _limits_words(limits)
     timing = {key: value for key, value in timing.items() if key != "verdict"}
     return {"verdicts": verdicts, "deadlines": timing, "task": task, "limits_and_balance": limits}
@@ -108,12 +102,9 @@ def judge_reported(
     """
     try:
         timing = judge_counts(counts, skipped) if "asked" in counts else None
-        found = [counts.get(name) for name in ("interventions", "torque_limited")]
-        held, limited = (n if isinstance(n, int) else None for n in found)
-        joints, body = counts.get("held_back_joints"), body_of(counts)
-        return judge(timing, held, limited, outcome or None, joints=joints, body=body)
+        return judge(timing, counts, outcome or None)
     except (KeyError, TypeError, ValueError, AttributeError):
-        return judge(None, None, None, None)
+        return judge(None, {}, None)
 
 
 def shown(judged: Mapping[str, Any]) -> dict[str, dict[str, str]]:
@@ -173,14 +164,14 @@ def _task(outcome: Mapping[str, Any] | None, damaged: Collection[str]) -> dict[s
 
 
 def _limits(
-    held_back: int | None,
-    torque_limited: int | None,
-    outcome: Mapping[str, Any] | None,
-    damaged: Collection[str],
-    body: Mapping[str, Any],
+    counts: Mapping[str, Any], outcome: Mapping[str, Any] | None, damaged: Collection[str]
 ) -> dict[str, Any]:
-    told = outcome or {}
-    margin, balance = told.get("margin") or {}, told.get("balance") or {}
+    reported, body = outcome or {}, body_of(counts)
+    held_back, torque_limited = (
+        found if isinstance(found := counts.get(name), int) else None
+        for name in ("interventions", "torque_limited")
+    )
+    margin, balance = reported.get("margin") or {}, reported.get("balance") or {}
     least = margin.get("least")
     reasons = [HELD_BACK] if held_back else []
     reasons += [WEAK] if torque_limited else []
@@ -196,8 +187,7 @@ def _limits(
     return {
         "held_back": held_back,
         "torque_limited": torque_limited,
-        "beyond_stops": body.get("beyond_stops"),
-        "base": body.get("base"),
+        **body,
         "smallest_margin": None if least is None else max(least, -sys.float_info.max),
         "margin_tolerance": margin.get("tolerance"),
         "smallest_margin_of": margin.get("of"),

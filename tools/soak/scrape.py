@@ -15,7 +15,7 @@ def scrape(host: str, port: int) -> dict[str, float]:
     """Every figure that has no labels but side and robot, by its name without `hoap3_`.
 
     Raises:
-        OSError, HTTPException, ValueError: nobody answers, or not as it should.
+        OSError, HTTPException, ValueError: nothing answers, or not as it should.
     """
     from prometheus_client.parser import text_string_to_metric_families
 

@@ -6,9 +6,6 @@ are of two clocks, and are never compared with each other; only durations are.
 
 from __future__ import annotations
 
-import json
-from array import array
-from collections import Counter
 from dataclasses import dataclass
 from dataclasses import field as made
 from pathlib import Path
@@ -16,11 +13,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.logs.disk_rows import DiskRows, RowsAt
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.logs.log import Log, Rows
 from hoap3.tools.machine.stalls import Stall
 
@@ -29,7 +25,6 @@ Flags = npt.NDArray[np.bool_]
 
 NEVER = -1
 EVENTS = Event.schema.constants
-_KEPT = (Kind.STATE, Kind.SETPOINT, Kind.EVENT)
 _COUNTED = ("rejected", "duplicate", "out_of_order")
 _FAILURES = (EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"])
 
@@ -39,21 +34,23 @@ class RobotSide:
     """What the robot's log says.
 
     Attributes:
+        joints: n.
         period: T [ns].
         due: how long an answer has [ns].
         from_publication: it has it from the publication of its State, not from the intended start.
-        states: one row per State, scalars only, sorted by tick.
+        states: one row per State, sorted by tick.
         arrivals: when each of `setpoints` arrived, by the robot's clock [ns].
-        setpoints: one row per Setpoint of any length, in the order of arrival.
+        setpoints: one row per Setpoint, in the order of arrival.
         commands: kinds of command that the robot takes.
         stalls: of the host, of all CPUs, by their begin; None where nobody watched.
         lockstep: all stamps are virtual.
         messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`, as it counted.
         safe_stops: how often misses, or a holder that vanished, made it stop.
         misses_to_stop: misses in a row that stop it, by its config; None where that is not known.
-        left_out: States of other sessions, and messages that are too short, by what they are.
+        left_out: States of other sessions, and messages that cannot be read, by what they are.
     """
 
+    joints: int
     period: int
     due: int
     from_publication: bool
@@ -83,27 +80,31 @@ class RobotSide:
                 "reached the robot. Name the log that the robot itself has written"
             )
         description = log.description
-        told = _Told(log, description.n)
-        states = RowsAt.of(told.rows(Kind.STATE))
+        (arrivals, setpoints), (_, events) = log.table(Kind.SETPOINT), log.table(Kind.EVENT)
+        states = RowsAt.of(log.states())
         if not len(states):
             raise LogError(f"{log.paths[0]}: holds no State. Name the log of a run")
         count = len(states)
         states = states[states["session_id"] == states["session_id"][-1]]
-        left_out = {"States of other sessions": count - len(states), **told.short}
+        left_out = {"States of other sessions": count - len(states)}
+        for kind, unreadable in log.unreadable.items():
+            left_out[f"messages of kind {kind.name} that cannot be read"] = unreadable
+        misses_to_stop = (log.settings or {}).get("misses_to_stop")
         states = states[np.argsort(states["tick"], kind="stable")]
         return cls(
+            joints=description.n,
             period=round(description.period_s * 1e9),
             due=description.due,
             from_publication=description.deadline == "after_receipt",
             states=states,
-            arrivals=told.stamps(Kind.SETPOINT),
-            setpoints=told.rows(Kind.SETPOINT),
+            arrivals=arrivals,
+            setpoints=setpoints,
             commands=tuple(COMMANDS[kind] for kind in description.command_kinds),
-            stalls=stalls_of(told.rows(Kind.EVENT)),
-            lockstep=told.lockstep,
+            stalls=stalls_of(events),
+            lockstep=bool(log.session.get("lockstep")),
             messages={name: int(states[-1][name] - states[0][name]) for name in _COUNTED},
-            safe_stops=_safe_stops(told.rows(Kind.EVENT)),
-            misses_to_stop=_misses_to_stop(log),
+            safe_stops=_safe_stops(events),
+            misses_to_stop=misses_to_stop if isinstance(misses_to_stop, int) else None,
             left_out={what: count for what, count in left_out.items() if count},
         )
 
@@ -161,14 +162,13 @@ class Cycles:
         seen_received = seen_published = np.empty(0, np.int64)
         sent_rows = arrived[:0]
         if log is not None:
-            told = _Told(log, robot.setpoints["values"].shape[1])
-            states = told.rows(Kind.STATE)
+            stamps, states = log.table(Kind.STATE)
             ours = states["session_id"] == session
             seen, seen_published = states["tick"][ours], states["stamp_published"][ours]
-            seen_received = told.stamps(Kind.STATE)[ours]
-            sent_rows = RowsAt.of(told.rows(Kind.SETPOINT))
+            seen_received = stamps[ours]
+            sent_rows = RowsAt.of(log.setpoints())
             sent_rows = sent_rows[sent_rows["session_id"] == session]
-            overwritten = _overwritten(told.rows(Kind.EVENT), int(session))
+            overwritten = _overwritten(log.table(Kind.EVENT)[1], int(session))
         told_ticks, first = np.unique(
             np.concatenate([sent_rows["tick"], arrived["tick"]]), return_index=True
         )
@@ -251,54 +251,9 @@ def stalls_of(events: Rows) -> list[Stall] | None:
     ]
 
 
-def _misses_to_stop(log: Log) -> int | None:
-    try:
-        found = parse_yaml(log.config, "config").get("misses_to_stop")
-    except (LogError, ConfigError, AttributeError):
-        return None
-    return found if isinstance(found, int) else None
-
-
 def _safe_stops(events: Rows) -> int:
     stops = events["kind"] == EVENTS["SAFE_STOP"]
     return int(np.count_nonzero(stops & np.isin(events["detail"], _FAILURES)))
-
-
-class _Told:
-    """States, Setpoints and Events of a log in one reading, whatever the lengths of their arrays.
-
-    Of each, the scalars; of a Setpoint also the values, which stand at the same place in all.
-    """
-
-    def __init__(self, log: Log, joints: int) -> None:
-        self._types = {
-            Kind.STATE: State.schema.dtype({}),
-            Kind.SETPOINT: Setpoint.schema.dtype({"values": joints}),
-            Kind.EVENT: Event.schema.dtype({}),
-        }
-        sizes = {kind: dtype.itemsize for kind, dtype in self._types.items()}
-        data = {kind: DiskRows() for kind in _KEPT}
-        stamps: dict[Kind, array[int]] = {kind: array("q") for kind in _KEPT}
-        self.lockstep, self.short = False, Counter[str]()
-        for kind, stamp, payload in log.records():
-            if kind in data:
-                if len(payload) >= sizes[kind]:
-                    data[kind].add(payload[: sizes[kind]])
-                    stamps[kind].append(stamp)
-                else:
-                    self.short[f"messages of kind {kind.name} that are too short"] += 1
-            elif kind == Kind.SESSION:
-                self.lockstep = bool(json.loads(payload).get("lockstep"))
-        self._data = data
-        self._stamps = {kind: np.array(each, np.int64) for kind, each in stamps.items()}
-
-    def rows(self, kind: Kind) -> Rows:
-        """Every message of a kind."""
-        return self._data[kind].table(self._types[kind])
-
-    def stamps(self, kind: Kind) -> Stamps:
-        """Log times [ns] of the same."""
-        return self._stamps[kind]
 
 
 def answers(robot: RobotSide) -> Flags:
@@ -307,7 +262,7 @@ def answers(robot: RobotSide) -> Flags:
     fits = setpoints["wire_version"] == Setpoint.schema.version
     fits &= setpoints["session_id"] == robot.states["session_id"][0]
     fits &= np.isin(setpoints["command"], robot.commands)
-    fits &= np.isfinite(setpoints["values"]).all(axis=1)
+    fits &= np.isfinite(setpoints["values"][:, : robot.joints]).all(axis=1)
     ticks = robot.states["tick"]
     place = np.minimum(np.searchsorted(ticks, setpoints["tick"]), len(ticks) - 1)
     asked = robot.states[place]

@@ -1,4 +1,4 @@
-"""Whether the logs of a robot and of its controller tell the same story.
+"""Compare the logs of a robot and of its controller.
 
 Where one side is of version 1 of the wire, they can agree only in what that version has.
 """
@@ -13,9 +13,8 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, LogError, WireError
+from hoap3.protocol.errors import LogError, WireError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.wire_versions import OLDEST, downgraded
@@ -43,8 +42,8 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         claims.unverified("description in both logs", 1, UNSHARED)
         return
     try:
-        ours_said, theirs_said = (_said(log.description, old=old) for log in (robot, controller))
-        claims.equal("description in both logs", 0, float(ours_said == theirs_said), 1.0)
+        digests = {_digest(log.description, old=old) for log in (robot, controller)}
+        claims.equal("description in both logs", 0, float(len(digests) == 1), 1.0)
     except LogError as error:
         claims.unverified("description in both logs", 1, str(error))
 
@@ -55,10 +54,10 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
     Args:
         logs: of one run, one a side.
     """
-    alike, found = {}, [(log, _told(log)) for log in logs]
+    alike, found = {}, [(log, _stated(log)) for log in logs]
     old = OLDEST in {log.wire_version for log, _ in found}
-    for log, told in found:
-        described = told[Kind.DESCRIPTION][-1:]
+    for log, records in found:
+        described = records[Kind.DESCRIPTION][-1:]
         if described:
             same = described == [log.attachments.get("description.json")]
             same &= log.attachments.get("robot.urdf", b"").decode(errors="replace") == _urdf(log)
@@ -66,32 +65,25 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
         for _, theirs in found:
             ours, others = (
                 {json.loads(body)["session_id"] for body in each[Kind.SESSION]}
-                for each in (told, theirs)
+                for each in (records, theirs)
             )
-            if theirs is told or not ours & others:
+            if theirs is records or not ours & others:
                 continue
             known = [json.loads(json.loads(body)["config"]) for body in theirs[Kind.CONFIG]]
             if known:
-                alike[f"config of the {log.side}"] = _settings(log) in known
+                alike[f"config of the {log.side}"] = log.settings in known
             if described and theirs[Kind.DESCRIPTION] and not old:
                 alike["description of both"] = described[0] in theirs[Kind.DESCRIPTION]
     return alike
 
 
-def _told(log: Log) -> dict[Kind, list[bytes]]:
-    """The records that say what a log encloses."""
+def _stated(log: Log) -> dict[Kind, list[bytes]]:
+    """The records that repeat what a log encloses."""
     found: dict[Kind, list[bytes]] = {Kind.DESCRIPTION: [], Kind.CONFIG: [], Kind.SESSION: []}
     for record in log.records():
         if record.kind in found:
             found[record.kind].append(record.payload)
     return found
-
-
-def _settings(log: Log) -> object:
-    try:
-        return parse_yaml(log.config, "config.yaml")
-    except (ConfigError, LogError):
-        return None
 
 
 def _urdf(log: Log) -> str | None:
@@ -101,7 +93,7 @@ def _urdf(log: Log) -> str | None:
         return None
 
 
-def _said(description: RobotDescription, *, old: bool) -> str:
+def _digest(description: RobotDescription, *, old: bool) -> str:
     """What tells descriptions apart; of an `old` side, without what version 1 does not know."""
     known = description.model_copy(update={"state_arrays": {}}) if old else description
     return known.digest

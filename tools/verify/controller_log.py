@@ -43,7 +43,6 @@ class ControllerRun:
         overwritten: how many States the controller says it never saw, by the place of the next.
         targets: messages of live targets that it took.
         epochs: (how many States were processed before it, epoch) of each authority.
-        summaries: (how many answers were sent before it, what was counted) of each.
         in_force: the controller's parameters at each State, where they changed and it is judged as
             a whole; else empty.
         conditions: (place of the State, number, whether it began) of each condition that began or
@@ -60,7 +59,6 @@ class ControllerRun:
     gaps: list[int] = field(default_factory=list)
     overwritten: dict[int, int] = field(default_factory=dict)
     epochs: list[tuple[int, int]] = field(default_factory=list)
-    summaries: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
     in_force: list[Mapping[str, Any]] = field(default_factory=list)
     conditions: list[tuple[int, int, bool]] = field(default_factory=list)
     strange: int = 0
@@ -99,7 +97,7 @@ class ControllerRun:
     @property
     def remembered(self) -> NDArray[np.bool_]:
         """For each answer whether the log has all since the controller last began anew, (N,)."""
-        reset, gap = (_last(places, self.answered) for places in (self.resets, self.gaps))
+        reset, gap = (last_of(places, self.answered) for places in (self.resets, self.gaps))
         return (reset >= 0) & (reset >= gap)
 
     @cached_property
@@ -183,8 +181,6 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
         run.changes.append((len(run._states), json.loads(payload)))
     elif kind == Kind.TARGET:
         _add_target(run, payload)
-    elif kind == Kind.SUMMARY:
-        run.summaries.append((len(run._answers), json.loads(payload)))
     elif kind == Kind.GAP:
         run.gaps.append(len(run._states))
 
@@ -224,7 +220,7 @@ def _add_answer(run: ControllerRun, payload: bytes) -> None:
         run.strange += 1
 
 
-def _last(places: list[int], at: NDArray[np.int64]) -> NDArray[np.int64]:
+def last_of(places: list[int], at: NDArray[np.int64]) -> NDArray[np.int64]:
     """The last of ascending places that is not behind each of `at`; -1 where there is none."""
     known = np.array([-1, *places], np.int64)
     return known[np.searchsorted(known, at, "right") - 1]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM, RobotDescription
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 
 Array = NDArray[np.float64]
@@ -32,23 +33,23 @@ class PointTask:
     target: Array
 
     @classmethod
-    def of(cls, description: RobotDescription, parameters: Mapping[str, Any]) -> PointTask | None:
+    def of(cls, description: RobotDescription, parameters: Mapping[str, Any]) -> PointTask:
         """The task of a config: its `point`, `frame`, `target_m`, else the robot's default task.
 
-        Returns:
-            None where neither says what the target is.
+        Raises:
+            UnverifiableError: neither has a target.
         """
         default, robot = description.default_task, Robot(description)
         reference = parameters.get("frame") or (default.reference if default else None)
         point = parameters.get("point") or (COM if parameters.get("frame") else None)
         point = point or (default.point if default else None)
         if point is None or reference is None:
-            return None
+            raise UnverifiableError("the log names no target")
         target = parameters.get("target_m") or (default.target_m if default else None)
         task = cls(robot, point, reference, np.zeros(3))
         if target is None:
             if default is None or default.move_m is None:
-                return None
+                raise UnverifiableError("the log names no target")
             start, _ = task.at(description.initial_position)
             target = start + np.array(default.move_m)
         return cls(robot, point, reference, np.array(target, float))

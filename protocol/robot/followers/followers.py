@@ -83,7 +83,3 @@ class Followers:
         """
         shares = np.abs(self.matrix) if dry else self.matrix**2
         return np.asarray(full @ shares)
-
-    def any_column(self, full: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which joints of the wire have a share in any of these, (n,) of (n + f,)."""
-        return np.asarray((self.matrix[full] != 0.0).any(axis=0))

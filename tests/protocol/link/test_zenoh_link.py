@@ -446,7 +446,7 @@ def test_a_port_that_something_else_uses_is_named(network):
 
 def test_a_client_finds_nobody_and_says_so():
     endpoint = free_endpoint()
-    with pytest.raises(LinkError, match=f"nobody answers at {endpoint}"):
+    with pytest.raises(LinkError, match=f"nothing answers at {endpoint}"):
         open_session(LinkSettings(connect=(endpoint,), mode="client"))
 
 

@@ -14,7 +14,6 @@ from hoap3.remote_controller.controllers.base import STATUS, VelocityController
 from hoap3.remote_controller.controllers.certificate import FIELDS, checked_statuses, invalid_field
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.tools.show.certificate_count import CertificateCount
-from hoap3.tools.verify.summaries import Summed
 
 NAN, INF = math.nan, math.inf
 BAD = [
@@ -50,10 +49,8 @@ def counted(setpoint: Setpoint) -> dict:
     description = arm()
     outcome = Outcome(Idle(description, Idle.Parameters()), description)
     outcome.note(State(3), setpoint)
-    told, summed = outcome.as_json(), Summed()
+    told = outcome.as_json()
     rows = np.frombuffer(setpoint.dump(), Setpoint.schema.dtype(setpoint.lengths))
-    summed.add(rows)
-    assert summed.proved == told["certified"]
     return {"count": count.figures(), "outcome": told, "statuses": checked_statuses(rows).tolist()}
 
 

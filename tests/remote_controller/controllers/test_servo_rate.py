@@ -18,6 +18,8 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.show.verdicts import in_words, judge
 from hoap3.tools.simulate import controller_file, controller_settings
 
+NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
+
 HOAP3 = load("hoap3")
 SLOW = HOAP3.model_copy(update={"servo_rate_1_s": 0.5})
 LAWS = ("qp12", "pinv", "stable_qp")
@@ -56,7 +58,7 @@ def test_the_condition_and_the_verdict_tell_both_rates(name):
     assert "servos 0.5/s" in why
     (note,) = controller.notes()
     assert why in note
-    judged = judge(None, 0, 0, told)
+    judged = judge(None, NOTHING_HELD, told)
     assert judged["task"]["not_certified"][why] == 3
     assert why in in_words(judged)["task"]
 

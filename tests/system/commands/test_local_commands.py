@@ -69,7 +69,7 @@ def test_a_recording_takes_the_only_robot_of_this_machine(tmp_path):
 
 def test_the_list_has_robots_of_this_machine_where_the_network_is_silent(monkeypatch):
     def silent(endpoint: str) -> list[dict]:
-        raise LinkError(f"nobody answers at {endpoint}")
+        raise LinkError(f"nothing answers at {endpoint}")
 
     monkeypatch.setattr(find_robot, "alive", silent)
     monkeypatch.setattr(local_control, "ANSWER_TIMEOUT_S", 0.05)  # no loop serves it
@@ -108,7 +108,7 @@ def test_of_several_robots_one_is_to_be_named(runtime, monkeypatch):
 
 def test_a_robot_that_does_not_run_here_is_looked_for_on_the_network(monkeypatch):
     asked = []
-    monkeypatch.setattr(find_robot, "tell", lambda *words: asked.append(words) or [{}])
+    monkeypatch.setattr(find_robot, "request_all", lambda *words: asked.append(words) or [{}])
     monkeypatch.setattr(find_robot, "alive", lambda _: [{"robot": "leg"}])
     monkeypatch.setattr(find_robot, "listens", lambda _: True)
     with closing(LocalControl("arm", ())):
@@ -121,14 +121,14 @@ def test_a_robot_that_does_not_run_here_is_looked_for_on_the_network(monkeypatch
 def test_who_asks_for_a_robot_that_is_not_there_is_told_which_are(monkeypatch):
     monkeypatch.setattr(find_robot, "listens", lambda _: False)
     with closing(LocalControl("arm", ())):
-        with pytest.raises(LinkError, match=r"nobody answers .* this machine: arm$"):
+        with pytest.raises(LinkError, match=r"nothing answers .* this machine: arm$"):
             ask_robots("leg", "status", None)
         with pytest.raises(LinkError, match=r"this machine: arm$"):
             release_robot("leg")
         with controller("qp12", *QUIET, "--set", "robot=leg", at=endpoint()) as law:
             law.hear(r"waiting for robot 'leg' .* this machine: arm")
             assert law.end(signal.SIGTERM) == 0
-    with pytest.raises(LinkError, match=rf"nobody answers at {ENDPOINT}\. Start it"):
+    with pytest.raises(LinkError, match=rf"nothing answers at {ENDPOINT}\. Start it"):
         ask_robots("leg", "status", None)
 
 

@@ -278,7 +278,7 @@ def test_the_slow_policy_of_the_examples_steers_it(steered, at):
 
 
 def test_a_robot_that_is_not_there_is_said_to_be():
-    with pytest.raises(LinkError, match="nobody answers"):
+    with pytest.raises(LinkError, match="nothing answers"):
         hoap3.connect(ROBOT, endpoint())
     with pytest.raises(UsageError):
         hoap3.connect("*", endpoint())

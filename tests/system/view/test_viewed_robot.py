@@ -250,7 +250,7 @@ def test_its_end_lets_go_of_the_robot(home, at, robot):
 def test_a_robot_that_is_not_there_is_said_to_be():
     with Command("view", ROBOT, "--connect", endpoint(), "--port", "0") as command:
         assert command.end() == 1
-        assert "nobody answers" in command.stderr
+        assert "nothing answers" in command.stderr
 
 
 def test_the_command_of_the_examples_folder_is_told_a_wrong_word(tmp_path: Path):

@@ -101,12 +101,11 @@ def test_every_bit_of_a_record_is_found(tmp_path: Path, folder: Path, kind: str)
         assert_found(flipped(tmp_path / "robot.mcap", content, bit), kind, bit)
 
 
-@pytest.mark.parametrize("kind", ["MESSAGE_INDEX", "SCHEMA", "CHANNEL", "CHUNK_INDEX"])
-def test_what_is_redundant_is_restored(tmp_path: Path, folder: Path, kind: str) -> None:
-    """Behind opcode, length, number and the length of a text; then nothing is missing."""
+@pytest.mark.parametrize("kind", ["CHUNK_INDEX", "STATISTICS", "SUMMARY_OFFSET"])
+def test_a_damaged_summary_is_restored(tmp_path: Path, folder: Path, kind: str) -> None:
     content, places = sample(folder)
     begin, _ = places[kind][0]
-    path = flipped(tmp_path / "robot.mcap", content, 8 * (begin + 9 + 15))
+    path = flipped(tmp_path / "robot.mcap", content, 8 * (begin + 9 + 5))
     assert not Log.open(path).missing
     done = inside("record", "--repair", path, "--json")
     assert done.code == 0
@@ -114,12 +113,14 @@ def test_what_is_redundant_is_restored(tmp_path: Path, folder: Path, kind: str) 
     assert not Log.open(tmp_path / "robot.repaired.mcap").missing
 
 
-@pytest.mark.parametrize("kind", ["METADATA", "ATTACHMENT", "HEADER"])
-def test_what_is_not_redundant_is_named(tmp_path: Path, folder: Path, kind: str) -> None:
+@pytest.mark.parametrize(
+    "kind", ["METADATA", "ATTACHMENT", "HEADER", "MESSAGE_INDEX", "SCHEMA", "CHANNEL"]
+)
+def test_other_damage_outside_chunks_is_named(tmp_path: Path, folder: Path, kind: str) -> None:
     content, places = sample(folder)
     path = flipped(tmp_path / "robot.mcap", content, 8 * (places[kind][0][1] - 8))
     named = {"ATTACHMENT": "the enclosed config.yaml is damaged"}.get(
-        kind, "its header, its metadata"
+        kind, "something outside its chunks is damaged: its header, metadata"
     )
     assert named in Log.open(path).missing
     assert not export(path, tmp_path / "a.csv").complete

@@ -131,7 +131,7 @@ def test_a_table_is_not_much_larger_than_its_log(
 ) -> None:
     """A stranger's setpoint that is 100 times as long does not make every row as long."""
     rng = np.random.default_rng(1)
-    monkeypatch.setattr("hoap3.tools.logs.log.SLACK_BYTES", 0)
+    monkeypatch.setattr("hoap3.tools.logs.disk_rows.SLACK_BYTES", 0)
     long = fill(Setpoint(128, 1024, gains=1024, next=1024), rng, tick=1)
     write(tmp_path, [*ticks(1, 300), Record(Kind.SETPOINT, START + 999 * MS, long)])
     log = Log.open(tmp_path)

@@ -10,6 +10,7 @@ import pytest
 from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.controllers.servo_rate import loop_rate
 from hoap3.tools.reproduce.papers.qp12 import own_feet
+from hoap3.tools.reproduce.papers.qp12.experiments import law_settings
 from hoap3.tools.reproduce.papers.qp12.own_feet import (
     FALLEN_MM,
     LAWS,
@@ -18,7 +19,6 @@ from hoap3.tools.reproduce.papers.qp12.own_feet import (
     RISE_MM,
     STANDING_MM,
     TILT_DEG,
-    law_settings,
     stand,
 )
 from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE

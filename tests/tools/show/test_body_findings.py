@@ -12,6 +12,8 @@ from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.plant_rows import plant_rows
 from hoap3.tools.show.verdicts import in_words, judge
 
+NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
+
 IN_TIME = unknown_deadlines("", "", "pass")
 TOLD = {"tasks": [], "certifiable": 0, "certified": 0, "margin": None, "balance": None}
 STOPS = {
@@ -23,7 +25,7 @@ FALLEN = {**BASE, "largest_tilt_deg": 178.0, "fallen_tick": 410}
 
 
 def limits(summary: dict[str, Any]) -> dict[str, Any]:
-    return judge(IN_TIME, 0, 0, TOLD, body=body_of(summary))
+    return judge(IN_TIME, {**NOTHING_HELD, **summary}, TOLD)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +63,7 @@ def test_words_name_the_joint_how_far_it_went_and_when_the_base_fell():
     ],
 )
 def test_a_strange_log_does_not_tell(summary):
-    assert body_of(summary) == {"beyond_stops": None, "base": None}
+    assert set(body_of(summary).values()) == {None}
 
 
 def test_a_robot_without_soles_has_a_line_for_its_base_and_its_centre_of_mass():

@@ -9,6 +9,13 @@ import pytest
 from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
 from hoap3.tools.show.verdicts import CERTIFIED_SHARE, failed, in_words, judge, judge_reported
 
+NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
+
+
+def counts(held_back: int | None, torque_limited: int | None) -> dict[str, Any]:
+    return {"interventions": held_back, "torque_limited": torque_limited}
+
+
 IN_TIME = unknown_deadlines("", "", "pass")
 ERROR = {
     "task": "com", "error": 5e-4, "unit": "m", "tolerance": 1e-3, "within": True,
@@ -25,18 +32,18 @@ def told(**changes: Any) -> dict[str, Any]:
 
 
 def verdict(name: str, outcome: dict[str, Any] | None, held_back: int = 0, weak: int = 0):
-    judged = judge(IN_TIME, held_back, weak, outcome)
+    judged = judge(IN_TIME, counts(held_back, weak), outcome)
     return judged["verdicts"][name], judged[name]["reasons"]
 
 
 def test_a_margin_is_told_with_its_unit_and_what_it_is_of():
     margin = {"least": 0.25, "tolerance": 1e-6, "of": "ball: hand", "unit": "m"}
-    words = in_words(judge(IN_TIME, 0, 0, told(margin=margin)))["limits_and_balance"]
+    words = in_words(judge(IN_TIME, NOTHING_HELD, told(margin=margin)))["limits_and_balance"]
     assert "0.25 m (ball: hand)" in words
 
 
 def test_all_good():
-    judged = judge(IN_TIME, 0, 0, told())
+    judged = judge(IN_TIME, NOTHING_HELD, told())
     good = {"deadlines": "pass", "task": "pass", "limits_and_balance": "pass"}
     assert judged["verdicts"] == good
     assert not failed(good)
@@ -104,7 +111,7 @@ def test_one_that_fails_is_enough(verdicts, code):
 def test_words_have_the_figures_that_people_need():
     outside = {"checked": 100, "outside": 7, "least_m": -0.0121}
     outcome = told(tasks=[FAR, LOWER], certified=12, balance=outside)
-    words = in_words(judge(IN_TIME, 4, 0, outcome))
+    words = in_words(judge(IN_TIME, counts(4, 0), outcome))
     for part in ("com 15.4 m", "tolerance 1 mm", "12 of 1000", "hand", "lower priority"):
         assert part in words["task"]
     for part in ("4 periods", "12.1 mm outside", "7 of 100"):
@@ -122,7 +129,7 @@ def test_words_have_the_figures_that_people_need():
     ],
 )
 def test_limits_name_the_side_that_told_nothing(held_back, outcome, silent, verdict):
-    judged = judge(IN_TIME, held_back, held_back, outcome)
+    judged = judge(IN_TIME, counts(held_back, held_back), outcome)
     limits = judged["limits_and_balance"]["reasons"]
     assert {side for side in ("robot", "controller") if f"not_told_by_{side}" in limits} == silent
     assert judged["verdicts"]["limits_and_balance"] == verdict
@@ -132,12 +139,12 @@ def test_limits_name_the_side_that_told_nothing(held_back, outcome, silent, verd
 
 def test_the_joints_that_were_held_back_are_named():
     joints = {"first": "knee", "first_tick": 12, "most": "hip", "most_periods": 3}
-    judged = judge(IN_TIME, 4, 0, told(), joints=joints)
+    judged = judge(IN_TIME, {**counts(4, 0), "held_back_joints": joints}, told())
     assert judged["limits_and_balance"]["held_back_joints"] == joints
     words = in_words(judged)["limits_and_balance"]
     for part in ("knee", "12", "hip", "3 periods"):
         assert part in words
-    assert judge(IN_TIME, 4, 0, told())["limits_and_balance"]["held_back_joints"] is None
+    assert judge(IN_TIME, counts(4, 0), told())["limits_and_balance"]["held_back_joints"] is None
 
 
 def test_a_safe_stop_without_any_answer_fails():
@@ -148,11 +155,13 @@ def test_a_safe_stop_without_any_answer_fails():
 
 
 def test_what_the_controller_should_have_told_is_bad_where_it_did_not():
-    lost = judge(IN_TIME, 0, 0, None, expected=True)
+    lost = judge(IN_TIME, NOTHING_HELD, None, expected=True)
     assert lost["verdicts"] == {"deadlines": "pass", "task": "fail", "limits_and_balance": "fail"}
     assert lost["task"]["reasons"] == ["not_told_by_controller"]
     assert failed(lost["verdicts"])
-    no_target = judge(IN_TIME, 0, 0, told(tasks=[], certifiable=0, certified=0), expected=True)
+    no_target = judge(
+        IN_TIME, NOTHING_HELD, told(tasks=[], certifiable=0, certified=0), expected=True
+    )
     assert no_target["verdicts"]["task"] == "not judged"
     assert not failed(no_target["verdicts"])
 
@@ -170,7 +179,7 @@ def test_what_the_controller_should_have_told_is_bad_where_it_did_not():
 )
 def test_what_a_damaged_log_has_lost_is_never_good(damaged, timing, outcome, held_back, expected):
     given = None if timing is None else unknown_deadlines("", "", timing)
-    judged = judge(given, held_back, held_back, outcome, damaged=damaged)
+    judged = judge(given, counts(held_back, held_back), outcome, damaged=damaged)
     assert tuple(judged["verdicts"].values()) == expected
     for name in ("task", "limits_and_balance"):
         lost = judged["verdicts"][name] == "fail"

@@ -1,4 +1,4 @@
-"""What a service tells over HTTP, and doors at which nobody answers as he should."""
+"""What a service tells over HTTP, and doors at which nothing answers as he should."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def test_the_description_of_another_robot_is_found(story: Path, tmp_path: Path) 
 def test_a_summary_that_is_not_what_its_log_shows_is_found(
     side: str, path: tuple[str | int, ...], to: Any, story: Path, tmp_path: Path
 ) -> None:
-    found = verify(rewrite(story, side, tmp_path / "o", changed_summary(*path, to=to)))
+    found = verify(rewrite(story, side, tmp_path / "o", changed_summary(*path, to=to)), repeat=True)
 
     assert found.verdict == "false"
     assert all(one.claim.startswith("summary: ") for one in found.claims.by_tick())
@@ -464,7 +464,9 @@ def test_defaults_are_those_of_the_controllers() -> None:
         known = find(name).Parameters.model_fields
         for key in DEFAULTS.keys() & known.keys():
             if key != "gamma" or name != "pinv":
-                assert known[key].default == DEFAULTS[key], (name, key)
+                usual = DEFAULTS[key]
+                first = usual[0] if isinstance(usual, tuple) else usual
+                assert known[key].default == first, (name, key)
 
 
 def _sets(*settings: str) -> list[str]:

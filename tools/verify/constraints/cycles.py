@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.tools.logs.disk_rows import RowsAt
-from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controller_log import ControllerRun, last_of
 
 Places = NDArray[np.int64]
 
@@ -53,16 +53,10 @@ def cycles_of(run: ControllerRun) -> Cycles:
     sound = run.answers.finite("values")
     answer[run.answered[sound]] = np.flatnonzero(sound)
     places = np.arange(count)
-    begun, cut = (_last(marks, places) for marks in (run.resets, run.gaps))
+    begun, cut = (last_of(marks, places) for marks in (run.resets, run.gaps))
     finite = RowsAt.of(states).finite("q", "reference")
     used = finite & (begun >= 0) & (begun >= cut) & np.isin(begun, begun[run.answered])
     chosen = places[used]
     periods = states["tick"].astype(np.int64) - states["skipped"].astype(np.int64)
     fresh = np.diff(begun[chosen], prepend=-1) != 0
     return Cycles(chosen, answer[chosen], fresh, periods[chosen])
-
-
-def _last(marks: list[int], places: Places) -> Places:
-    """The last of ascending marks that is not behind each place; −1 where there is none."""
-    known = np.array([-1, *marks], np.int64)
-    return np.asarray(known[np.searchsorted(known, places, "right") - 1])

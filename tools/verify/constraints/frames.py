@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.constraints.frames.fixed_frame_reference import displacement, slope
 from hoap3.tools.verify.constraints.barrier import direction
 from hoap3.tools.verify.constraints.base import Constraint, Rows
 from hoap3.tools.verify.constraints.joints import SOURCES
@@ -49,12 +50,8 @@ class FixedFrame(Constraint):
     def rows(self, state: Any, number: int) -> Rows:
         """One equation for each axis."""
         p, R, J = self.robot.frame(*self._frames)
-        turned = R @ self._kept[1].T
-        skew = (turned - turned.T) / 2.0
-        e = np.concatenate([p - self._kept[0], [skew[2, 1], skew[0, 2], skew[1, 0]]])
-        slope = (np.trace(turned) * np.eye(3) - turned) / 2.0  # ė = slope·ω
-        rates = np.vstack([J[:3], slope @ J[3:]])[self._axes]
-        b = -self.settings["eta_per_s"] * e[self._axes]
+        rates = slope(R, self._kept[1], J)[self._axes]
+        b = -self.settings["eta_per_s"] * displacement(p, R, *self._kept)[self._axes]
         return Rows(rates, b, np.ones(len(b), bool))
 
 

@@ -12,6 +12,7 @@ from hoap3.remote_controller.constraints import limit_reference
 from hoap3.tools.verify.constraints.base import Bounds, Constraint, States
 from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.tools.verify.controllers.velocity.joint_bounds import stopping_speed
 
 Array = NDArray[np.float64]
 SOURCES = ("reference", "measured")
@@ -111,14 +112,9 @@ def reference_velocity(states: States, cycles: Cycles, period_s: float) -> Array
 
 
 def _stopping_speed(room: Array, A: Array, T: float) -> Array:
-    """The largest w of which braking by A·T a period, w + (w − AT) + …, takes no more room.
-
-    With k + 1 steps the way is T·((k+1)·w − AT·k(k+1)/2), for w from kAT to (k+1)·AT.
-    """
+    """The largest speed from which a joint stops within its room, which may be infinite."""
     endless = np.isinf(room)
-    room = np.where(endless, 0.0, np.maximum(room, 0.0))
-    k = np.floor((np.sqrt(1.0 + 8.0 * room / (A * T * T)) - 1.0) / 2.0)
-    return np.where(endless, np.inf, (room / T + A * T * k * (k + 1.0) / 2.0) / (k + 1.0))
+    return np.where(endless, np.inf, stopping_speed(np.where(endless, 0.0, room), A, T))
 
 
 def _least(constraint: Constraint, robot: Array, common: object, own: object) -> Array:

@@ -17,6 +17,7 @@ from hoap3.protocol.messages import schema
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import descent_rate
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.point_task import PointTask
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity
@@ -26,23 +27,17 @@ Array = NDArray[np.float64]
 DEFAULTS: dict[str, Any] = {
     "u_max_rad_s": 0.6,
     "beta": 46.0,
-    "psi_scale": "inverse_sqrt_n",
+    "psi_scale": ("inverse_sqrt_n", "one", "max_norm"),
     "ramp_s": 0.0,
-    "kinematics_from": "measured",
+    "kinematics_from": ("measured", "reference"),
     "gamma": 0.5,
-    "adaptive_gamma": False,
+    "adaptive_gamma": (False, True),
     "gamma_slope": 100.0,
-    "error_unit": "m",
-    "law": "lyapunov",
+    "error_unit": ("m", "cm", "mm"),
+    "law": ("lyapunov", "plain"),
     "gain_per_s": 10.0,
 }
-CHOICES = {
-    "psi_scale": ("inverse_sqrt_n", "one", "max_norm"),
-    "kinematics_from": ("measured", "reference"),
-    "law": ("lyapunov", "plain"),
-    "adaptive_gamma": (False, True),
-    "error_unit": ("m", "cm", "mm"),
-}
+"""Of the parameters; of several choices the first."""
 PER_M = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
 PLACE = 8.0 * float(np.finfo(float).eps)  # m, m/rad: how exactly e and each column of J are known
@@ -76,21 +71,22 @@ class Descent:
 
 def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
     """Everything that the certificate of `qp12` and `osqp` says: (40), optimal by (31), (32)."""
-    _check(run, {**DEFAULTS, **parameters}, claims, inverse=False)
+    _check(run, parameters, claims, inverse=False)
 
 
 def check_pinv(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
     """The same of `pinv`: u along −J⁺e with the same V̇, or u = −k·J⁺e."""
-    _check(run, {**DEFAULTS, **parameters}, claims, inverse=True)
+    _check(run, parameters, claims, inverse=True)
 
 
 def _check(
-    run: ControllerRun, settings: Mapping[str, Any], claims: Claims, *, inverse: bool
+    run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *, inverse: bool
 ) -> None:
-    wrong = _unreadable(settings)
-    task = None if wrong else PointTask.of(run.description, settings)
-    if task is None:
-        claims.unverified("certificate", len(run.answers), wrong or "the log names no target")
+    try:
+        settings = complete(parameters, DEFAULTS, "parameters", strict=False)
+        task = PointTask.of(run.description, settings)
+    except UnverifiableError as error:
+        claims.unverified("certificate", len(run.answers), str(error))
         return
     delayed = run.description.delay_ticks > 0
     if delayed and settings["kinematics_from"] == "reference":
@@ -127,17 +123,6 @@ def _check_part(
     claims.equal("rho", tick, answers["rho"], np.ones(len(tick)))
     check_values(run, settings, claims)
     _check_proof(problem, run, settings, claims, inverse=inverse)
-
-
-def _unreadable(settings: Mapping[str, Any]) -> str:
-    """Which parameter of the log's config is none that can be reckoned with; "" for none."""
-    for key, usual in DEFAULTS.items():
-        given = settings[key]
-        number = isinstance(given, int | float) and not isinstance(given, bool)
-        fits = (number and math.isfinite(given)) if isinstance(usual, float) else True
-        if not fits or (key in CHOICES and given not in CHOICES[key]):
-            return f"parameter {key} is {given!r:.40}"
-    return ""
 
 
 def _check_proof(

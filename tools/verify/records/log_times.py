@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, DescriptionError, LogError
+from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
@@ -152,8 +151,5 @@ class _Times:
 
     def _over_tcp(self) -> bool:
         """Whether the States came over HOAP-3's TCP, which carries none of the robot's stamps."""
-        try:
-            link = parse_yaml(self._log.config, "config.yaml").get("link")
-        except (ConfigError, LogError, AttributeError):
-            return False
+        link = (self._log.settings or {}).get("link")
         return isinstance(link, dict) and link.get("kind") == "hoap3_tcp"

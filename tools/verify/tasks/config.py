@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM, DefaultTask, RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.live import (
     live_of,
@@ -23,7 +24,6 @@ from hoap3.tools.verify.tasks.targets import (
     Joined,
     Point,
     Target,
-    UnknownTaskError,
     target_of,
 )
 from hoap3.tools.verify.tasks.tasks import (
@@ -56,31 +56,31 @@ def task_of(entry: Settings, robot: Robot) -> AnyTask:
         robot: that it is for; left at any joint positions.
 
     Raises:
-        UnknownTaskError: what cannot be recomputed, with the reason.
+        UnverifiableError: what cannot be recomputed, with the reason.
     """
     entry = in_todays_words(entry)
     name, parameters = entry.get("task"), entry.get("parameters") or {}
     if name not in BUILDERS:
-        raise UnknownTaskError(f"task {name!r:.60} is not known")
+        raise UnverifiableError(f"task {name!r:.60} is not known")
     try:
         return _watching(BUILDERS[name](parameters, robot), name, parameters, robot)
-    except UnknownTaskError:
+    except UnverifiableError:
         raise
     except (KeyError, TypeError, ValueError, FrameNotFoundError) as error:
-        raise UnknownTaskError(f"task {name} cannot be read: {error!r:.80}") from error
+        raise UnverifiableError(f"task {name} cannot be read: {error!r:.80}") from error
 
 
 def default_entry(description: RobotDescription) -> Settings:
     """The robot's default task as an entry.
 
     Raises:
-        UnknownTaskError: it has none.
+        UnverifiableError: it has none.
     """
     task = description.default_task
     if task is None and description.name == "hoap3" and HOAP3S.reference in description.frames:
         task = HOAP3S
     if task is None:
-        raise UnknownTaskError("the log names no task")
+        raise UnverifiableError("the log names no task")
     place = task.target_m
     if place is None:
         robot = Robot(description)

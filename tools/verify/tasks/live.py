@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.spatial.transform import Rotation
 
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.tasks.logarithm import inverse_left, rotation_of, rotation_vector
-from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError, rise
+from hoap3.tools.verify.tasks.targets import Target, rise
 from hoap3.tools.verify.tasks.turns import State, aligned, rates_of
 
 Array = NDArray[np.float64]
@@ -68,11 +69,11 @@ class Messages:
         """Those of a target that a config describes.
 
         Raises:
-            UnknownTaskError: the log has no such target.
+            UnverifiableError: the log has no such target.
         """
         name = given.get("name", "target")
         if name not in self._names:
-            raise UnknownTaskError(f"the log has no live target {name!r:.40}")
+            raise UnverifiableError(f"the log has no live target {name!r:.40}")
         return [each for each in self._taken if each.target == self._names.index(name)]
 
 
@@ -80,7 +81,7 @@ def live_of(given: Mapping[str, Any], messages: Messages | None) -> LiveTarget:
     """The live target, (3,) [m], of a config's `target`.
 
     Raises:
-        UnknownTaskError: nobody has collected its messages.
+        UnverifiableError: nobody has collected its messages.
     """
     return LiveTarget(given, _collected(given, messages), [POSITION] * 3)
 
@@ -111,7 +112,7 @@ def live_posture_of(given: Mapping[str, Any], messages: Messages | None, joints:
 
 def _collected(given: Mapping[str, Any], messages: Messages | None) -> list[Taken]:
     if messages is None:
-        raise UnknownTaskError("live targets of such a controller are not recomputed")
+        raise UnverifiableError("live targets of such a controller are not recomputed")
     return messages.of(given)
 
 

@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
+
 Array = NDArray[np.float64]
 
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 RAMP = 0.25  # share of a segment in which a trapezoid speeds up, and in which it slows down
 PEAK = {"quintic": 15.0 / 8.0, "trapezoid": 1.0 / (1.0 - RAMP)}  # highest over mean speed
-
-
-class UnknownTaskError(LookupError):
-    """A task or target that cannot be recomputed; says why."""
 
 
 class Target(ABC):
@@ -136,7 +134,7 @@ class Waypoints(Target):
         self._arrivals = np.array(given.get("times_s") or (), float)
         self._profile, self._speed = given.get("profile", "quintic"), given.get("speed_m_s")
         if self._profile not in PEAK or (self._speed is None) == (not len(self._arrivals)):
-            raise UnknownTaskError("waypoints without times or speed, or of no known profile")
+            raise UnverifiableError("waypoints without times or speed, or of no known profile")
         self.start(None, 0.0)
 
     def start(self, present: Array | None, time_s: float) -> None:
@@ -195,7 +193,7 @@ def target_of(given: Mapping[str, Any] | None) -> Target:
     """The target, (3,) [m], of a config's `target`; where the robot starts if there is none.
 
     Raises:
-        UnknownTaskError: a kind that is not known, or whose curve is in another file.
+        UnverifiableError: a kind that is not known, or whose curve is in another file.
     """
     if given is None:
         return Hold(3)
@@ -207,8 +205,8 @@ def target_of(given: Mapping[str, Any] | None) -> Target:
     if kind == "waypoints":
         return Waypoints(given)
     if kind == "spline":
-        raise UnknownTaskError("the file of a target's spline is not in the log")
-    raise UnknownTaskError(f"target of kind {kind!r:.40} is not known")
+        raise UnverifiableError("the file of a target's spline is not in the log")
+    raise UnverifiableError(f"target of kind {kind!r:.40} is not known")
 
 
 def rise(x: float) -> tuple[float, float]:

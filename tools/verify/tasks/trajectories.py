@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.spatial.transform import Rotation
 
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.tasks.logarithm import nearer
-from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError
+from hoap3.tools.verify.tasks.targets import Target
 
 Array = NDArray[np.float64]
 TRAJECTORY = "trajectory"
@@ -89,11 +90,11 @@ def trajectory_of(given: Mapping[str, Any], names: Sequence[str], *, turns: bool
         turns: whether a quaternion may be there as well, for three more of them.
 
     Raises:
-        UnknownTaskError: the points are not in the log, or are none.
+        UnverifiableError: the points are not in the log, or are none.
     """
     text = given.get("csv")
     if not isinstance(text, str) or not text:
-        raise UnknownTaskError("the points of a trajectory are not in the log")
+        raise UnverifiableError("the points of a trajectory are not in the log")
     header, *lines = [line for line in text.splitlines() if line.strip()]
     titles = [title.strip().removesuffix("/position") for title in header.split(",")]
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])

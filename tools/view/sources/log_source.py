@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError, UsageError
+from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.robots import available
@@ -45,9 +44,9 @@ class ShownLog:
 
     def __init__(self, path: Path, folder: str | None = None) -> None:
         self.log, theirs = _sides(path)
-        emulator = _settings(self.log.config) if self.log.side == "robot" else None
+        emulator = self.log.settings if self.log.side == "robot" else None
         law = theirs or (self.log if self.log.side == "controller" else None)
-        about = {"config": _settings(law.config), "extra": _extra(law)} if law else {}
+        about = {"config": law.settings, "extra": _extra(law)} if law else {}
         description = self.log.description
         named = folder or _known(emulator)
         self.frames = Frames(description, looks_of(description, named), about, emulator)
@@ -220,14 +219,6 @@ def _sides(path: Path) -> tuple[IndexedLog, IndexedLog | None]:
     if not found:
         raise wrong or LogError(f"{path}: holds no log")
     return found[0], found[1] if len(found) > 1 else None
-
-
-def _settings(text: str) -> Any:
-    """A configuration as data; None where it is none."""
-    try:
-        return parse_yaml(text, "config")
-    except ConfigError:
-        return None
 
 
 def _extra(law: IndexedLog) -> list[str]:

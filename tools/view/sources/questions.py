@@ -43,7 +43,7 @@ class Questions:
 
         Raises:
             NameTakenError: several robots use the name.
-            LinkError: nobody answers, or in a version of the wire whose States are not shown.
+            LinkError: nothing answers, or in a version of the wire whose States are not shown.
             WireError: the answer makes no sense.
         """
         given = self._session, self._robot, "description", self._who
@@ -75,7 +75,7 @@ class Questions:
         """Have the robot brake and stay at rest.
 
         Raises:
-            LinkError: nobody answers.
+            LinkError: nothing answers.
             WireError: the answer makes no sense.
         """
         raw = self._ask("stop")

@@ -14,7 +14,7 @@ from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows,
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.config import UnknownTaskError, default_entry, task_of
+from hoap3.tools.verify.tasks.config import UnverifiableError, default_entry, task_of
 from hoap3.tools.verify.tasks.logarithm import (
     angular_velocity,
     pose_logarithm,
@@ -261,5 +261,5 @@ def test_the_default_task_is_that_of_the_product(name: str) -> None:
     ],
 )
 def test_what_cannot_be_recomputed_says_why(entry: dict, reason: str) -> None:
-    with pytest.raises(UnknownTaskError, match=reason):
+    with pytest.raises(UnverifiableError, match=reason):
         task_of(entry, Robot(described("hoap3")))

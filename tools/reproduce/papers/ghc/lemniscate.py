@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.report.motion import point_path
 from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel, column, level
 from hoap3.tools.reproduce.papers.ghc import alphas
 from hoap3.tools.reproduce.papers.ghc import reference as ref
@@ -169,15 +169,7 @@ def _path(run: Run) -> Figure:
 
 def hand_path(q: Array) -> Array:
     """Where the hand is, (N, 3) [m], for positions of the joints, (N, n)."""
-    kinematics = Kinematics(load(ROBOT))
-    hand, base = kinematics.frame_id("ee"), kinematics.frame_id("base")
-    place, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, q.shape[1]))
-    found = np.zeros((len(q), 3))
-    for row, joints in enumerate(q):
-        kinematics.update(np.ascontiguousarray(joints))
-        kinematics.frame(hand, base, place, turn, jacobian)
-        found[row] = place
-    return found
+    return point_path(np.ascontiguousarray(q), load(ROBOT), "ee", "base")
 
 
 _EXACT = "As the paper: the bounds are kept"

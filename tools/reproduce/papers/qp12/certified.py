@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.messages import Event
-from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.certificate import PROVED
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Panel
 from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT
 from hoap3.tools.reproduce.rows import Row, bounded
+from hoap3.tools.show.certificate_count import CertificateCount
 from hoap3.tools.simulate import simulate
 
 SHOWN_EVERY = 10
@@ -24,8 +24,6 @@ SHOWN_EVERY = 10
 
 ROUNDING = 1e-13
 """Of V, relative: what is left of positions of 0.1 m at an error of 1 mm."""
-
-PROVED = (STATUS["certified"], STATUS["at_target"])
 
 Config = dict[str, Any]
 
@@ -91,7 +89,9 @@ def constraint(content: Config, kind: str) -> dict[str, Any]:
 def run(content: Config, seconds: float) -> CertifiedRun:
     """Run a controller against HOAP-3."""
     done = simulate(ROBOT, content, seconds)
-    said = done.setpoints
+    said, count = done.setpoints, CertificateCount()
+    for record in done.records:
+        count.add(record)
     return CertifiedRun(
         q=done.states["q"][: len(said)].copy(),
         v=said["v"].copy(),
@@ -101,7 +101,7 @@ def run(content: Config, seconds: float) -> CertifiedRun:
         rho=said["rho"].copy(),
         margin=said["margin"].copy(),
         status=said["solver_status"].astype(np.int64),
-        held=frozenset(_held(done.records, done.controller.conditions)),
+        held=count.present,
     )
 
 
@@ -173,17 +173,3 @@ def time_axis(runs: dict[str, CertifiedRun]) -> Axis:
     """From the start to the end of the longest."""
     end = max(len(done.v) for done in runs.values()) * PERIOD_S
     return Axis("time_s", "time [s]", (0.0, end))
-
-
-def _held(records: list[Record], names: tuple[str, ...]) -> set[str]:
-    """Conditions that began and did not end."""
-    began, ended = (Event.schema.constants[f"CONDITION_{word}"] for word in ("BEGAN", "ENDED"))
-    held: set[str] = set()
-    for record in records:
-        if record.kind == Kind.EVENT:
-            kind, detail = Event.scalars(record.payload, "kind", "detail")
-            if kind == began:
-                held.add(names[detail])
-            elif kind == ended:
-                held.discard(names[detail])
-    return held

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.protocol.description import COM
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.report.motion import point_path
 from hoap3.tools.reproduce.papers.qp12.reference import CASES, LAWS, Law
 from hoap3.tools.simulate import simulate
 
@@ -18,6 +20,7 @@ ROBOT, FRAME = "hoap3", "r_sole"
 START_M = (-0.0085, 0.0279, 0.2869)
 TARGET_M = (0.01, 0.025, 0.2869)
 U_MAX, BETA = 0.6, 46.0  # rad/s, 1/m
+TASK = {"frame": FRAME, "target_m": TARGET_M, "u_max_rad_s": U_MAX, "beta": BETA}
 PERIOD_S = 1e-3
 THRESHOLD = 1e-3  # rad/s, from which on a joint is active
 SECONDS = {"A": 3.0, "B": 1.0, "C": 1.0}
@@ -94,10 +97,17 @@ def sole() -> Array:
     return np.array(found.polygon)
 
 
+def law_settings(law: Law, case: str = "A") -> dict[str, Any]:
+    """Settings of qp12 with γ, or of pinv."""
+    if law.gamma is None:
+        return {"controller": "pinv", "parameters": {**TASK, **CASES[case]}}
+    gamma = {"gamma": law.gamma, "adaptive_gamma": law.adaptive}
+    return {"controller": "qp12", "parameters": {**TASK, **CASES[case], **gamma}}
+
+
 def move(controller: str, seconds: float, **parameters: object) -> Motion:
     """Bring the centre of mass to m_d with a shipped controller."""
-    task = {"frame": FRAME, "target_m": TARGET_M, "u_max_rad_s": U_MAX, "beta": BETA}
-    settings = {"controller": controller, "parameters": {**task, **parameters}}
+    settings = {"controller": controller, "parameters": {**TASK, **parameters}}
     run = simulate(ROBOT, settings, seconds)
     states = run.states[: len(run.setpoints)]
     u = (run.setpoints["values"] - states["reference"]) / PERIOD_S
@@ -108,10 +118,8 @@ def move(controller: str, seconds: float, **parameters: object) -> Motion:
 
 def follow(case: str, law: Law, seconds: float) -> Motion:
     """One trial."""
-    scale = CASES[case]
-    if law.gamma is None:
-        return move("pinv", seconds, **scale)
-    return move("qp12", seconds, gamma=law.gamma, adaptive_gamma=law.adaptive, **scale)
+    settings = law_settings(law, case)
+    return move(settings["controller"], seconds, **settings["parameters"])
 
 
 def run_trials(
@@ -132,10 +140,4 @@ def plain_pinv() -> Motion:
 
 def com_path(positions: Array, seen_from: str = FRAME) -> Array:
     """Centre of mass, (ticks, 3) [m], for joint positions, (ticks, n) [rad]."""
-    kinematics = Kinematics(load(ROBOT))
-    frame = kinematics.frame_id(seen_from)
-    found, jacobian = np.zeros((len(positions), 3)), np.zeros((3, kinematics.n))
-    for q, out in zip(positions, found, strict=True):
-        kinematics.update(q)
-        kinematics.com(frame, out, jacobian)
-    return found
+    return point_path(positions, load(ROBOT), COM, seen_from)

@@ -17,8 +17,8 @@ from hoap3.remote_controller.config import read_config as controller_config
 from hoap3.robot_emulator.config import read_config as emulator_config
 from hoap3.robot_emulator.plants.mujoco.plant import MujocoPlant
 from hoap3.tools.reproduce.figures import Array, Axis, Curve, Figure, Panel, level, lines
-from hoap3.tools.reproduce.papers.qp12.experiments import BETA, FRAME, PERIOD_S, TARGET_M, U_MAX
-from hoap3.tools.reproduce.papers.qp12.reference import CASES, TRIALS, Law
+from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, TARGET_M, law_settings
+from hoap3.tools.reproduce.papers.qp12.reference import TRIALS, Law
 from hoap3.tools.reproduce.rows import Row, bounded, measured
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
@@ -108,16 +108,6 @@ def stand(
     told = lockstep.controller_loop.summary or {}
     counts = told["certified"], told["certifiable"]
     return Stood(np.array(places) - TARGET_M, body.summary(), counts, body.saturated)
-
-
-def law_settings(law: Law, case: str = "A") -> dict[str, Any]:
-    """Settings of qp12 with γ, or of pinv."""
-    task = {"frame": FRAME, "target_m": TARGET_M, "u_max_rad_s": U_MAX, "beta": BETA}
-    loop = {"kinematics_from": "measured", "integrate_from": "reference", **CASES[case]}
-    if law.gamma is None:
-        return {"controller": "pinv", "parameters": {**task, **loop}}
-    gamma = {"gamma": law.gamma, "adaptive_gamma": law.adaptive}
-    return {"controller": "qp12", "parameters": {**task, **loop, **gamma}}
 
 
 def one_foot(

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
@@ -21,18 +20,6 @@ ZERO = (
     "v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "active_joints",
     "solver_path", "fallback",
 )  # fmt: skip
-
-
-def is_posture(robot: RobotDescription, name: Any, values: Any) -> bool:
-    """Whether a config names one of the robot, or writes one out."""
-    if values:
-        return len(values) == robot.n
-    return name is None or (isinstance(name, str) and name in robot.postures)
-
-
-def posture(robot: RobotDescription, name: str | None, values: Any) -> Array:
-    """Joint positions, (n,) [rad or m], that a config names; where the robot starts for none."""
-    return np.array(values or robot.postures[name or robot.initial_posture], float)
 
 
 def check_refused(run: ControllerRun, claims: Claims) -> None:

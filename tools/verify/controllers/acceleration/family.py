@@ -10,6 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.constraints.parameters import (
+    NOT_READ,
+    UnverifiableError,
+    complete,
+    reason_of,
+)
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import NOT_REMEMBERED, check_refused
 from hoap3.tools.verify.controllers.acceleration.certificate import (
@@ -23,9 +29,7 @@ from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft, check_fa
 from hoap3.tools.verify.controllers.acceleration.free_base import check_free_base
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.controllers.acceleration.model.parameters import filled
 from hoap3.tools.verify.controllers.acceleration.model.schedule import Schedule
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -69,15 +73,13 @@ def check_family(family: Family, run: ControllerRun, parameters: Settings, claim
         check_free_base(run, parameters, claims)
         return
     parameters = {key: value for key, value in parameters.items() if key not in OF_FREE_BASES}
-    settings, wrong = filled(parameters, family.defaults)
-    wrong = wrong or bounds.unfit(settings["bounds"], run.description.n) or _unfit(run)
-    if not wrong:
-        try:
-            hierarchy, begin, names = _built(family, run, settings)
-        except (UnknownTaskError, KeyError, TypeError, ValueError) as error:
-            wrong = f"{error}" if isinstance(error, UnknownTaskError) else f"config: {error!r:.80}"
-    if wrong:
-        claims.unverified("certificate", len(run.answers), wrong)
+    try:
+        settings = complete(parameters, family.defaults, "parameters", strict=False)
+        bounds.check_settings(settings["bounds"], run.description.n)
+        _check_robot(run)
+        hierarchy, begin, names = _built(family, run, settings)
+    except NOT_READ as error:
+        claims.unverified("certificate", len(run.answers), reason_of(error))
         return
     states = run.answered_states
     finite = states.finite("q", "dq", *(["wrench"] if hierarchy.presses else []))
@@ -105,13 +107,12 @@ def check_family(family: Family, run: ControllerRun, parameters: Settings, claim
         check_fallback(part, cycles, hierarchy, dict(zip(places, soft, strict=True)), claims)
 
 
-def _unfit(run: ControllerRun) -> str:
-    """Why answers cannot be judged at all; "" for no reason."""
+def _check_robot(run: ControllerRun) -> None:
+    """Raise an UnverifiableError where answers to the robot cannot be verified at all."""
     if not {"torque", "acceleration"} & {*run.description.command_kinds}:
-        return "the robot takes neither torques nor accelerations"
+        raise UnverifiableError("the robot takes neither torques nor accelerations")
     if run.description.delay_ticks:
-        return "answers are delayed, and this controller takes no delay"
-    return ""
+        raise UnverifiableError("answers are delayed, and this controller takes no delay")
 
 
 def _built(

@@ -95,7 +95,7 @@ class Hierarchy:
         torque_max: greatest torques, (n,).
 
     Raises:
-        UnknownTaskError: a task that cannot be recomputed.
+        UnverifiableError: a task that cannot be recomputed.
     """
 
     def __init__(

@@ -19,18 +19,23 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.constraints.parameters import (
+    NOT_READ,
+    UnverifiableError,
+    complete,
+    is_number,
+    reason_of,
+)
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import (
     ACTIVE,
     NOT_REMEMBERED,
     check_between,
     check_refused,
-    is_posture,
-    posture,
 )
 from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
 from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.controllers.acceleration.model.parameters import filled, is_number
+from hoap3.tools.verify.tasks.config import posture_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -91,10 +96,10 @@ class Law:
 
 def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
     """All that an answer says: the motion itself, V, V̇, margin, path and status."""
-    settings, wrong = filled(parameters, DEFAULTS)
-    wrong = wrong or _unfit(settings, run.description)
-    if wrong:
-        claims.unverified("certificate", len(run.answers), wrong)
+    try:
+        settings = _settings(parameters, run.description)
+    except NOT_READ as error:
+        claims.unverified("certificate", len(run.answers), reason_of(error))
         return
     laws = _laws(run, settings)
     motion = _motion(run, laws)
@@ -108,17 +113,24 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
             _check_answers(run.only(mine), _of(motion, mine), law, claims)
 
 
-def _unfit(settings: Mapping[str, Any], robot: RobotDescription) -> str:
-    kinds = {"position", "acceleration"}
-    if not kinds & {*robot.command_kinds}:
-        return "the robot takes neither positions nor accelerations"
+def _settings(parameters: Mapping[str, Any], robot: RobotDescription) -> dict[str, Any]:
+    """The parameters with their defaults.
+
+    Raises:
+        UnverifiableError: parameters, or a robot, that cannot be verified.
+    """
+    settings = complete(parameters, DEFAULTS, "parameters", strict=False)
+    if not {"position", "acceleration"} & {*robot.command_kinds}:
+        raise UnverifiableError("the robot takes neither positions nor accelerations")
     if robot.delay_ticks:
-        return "answers are delayed, and this controller takes no delay"
-    if not is_posture(robot, settings["posture"], settings["posture_rad"]):
-        return "the config names no posture of the robot"
+        raise UnverifiableError("answers are delayed, and this controller takes no delay")
+    target = posture_of(robot, settings["posture"], settings["posture_rad"])
+    if target.shape != (robot.n,):
+        raise UnverifiableError("the config names no posture of the robot")
     if not (settings["kd"] is None or is_number(settings["kd"])) or settings["kp"] < 0.0:
-        return f"gains are {settings['kp']} and {settings['kd']!r:.40}"
-    return bounds.unfit(settings["bounds"], robot.n)
+        raise UnverifiableError(f"gains are {settings['kp']} and {settings['kd']!r:.40}")
+    bounds.check_settings(settings["bounds"], robot.n)
+    return settings
 
 
 def _law(robot: RobotDescription, settings: Mapping[str, Any]) -> Law:
@@ -126,7 +138,7 @@ def _law(robot: RobotDescription, settings: Mapping[str, Any]) -> Law:
     kind = next(kind for kind in robot.command_kinds if kind != "torque")
     return Law(
         kind == "position",
-        posture(robot, settings["posture"], settings["posture_rad"]),
+        posture_of(robot, settings["posture"], settings["posture_rad"]),
         kp,
         2.0 * math.sqrt(kp) if kd is None else kd,
         bounds.Bounds.of(robot, settings["bounds"]),
@@ -141,7 +153,7 @@ def _laws(run: ControllerRun, settings: Mapping[str, Any]) -> list[Law]:
     laws: list[Law] = []
     for i, given in enumerate(run.in_force):
         same = i > 0 and given is run.in_force[i - 1]
-        laws.append(laws[-1] if same else _law(run.description, filled(given, DEFAULTS)[0]))
+        laws.append(laws[-1] if same else _law(run.description, _settings(given, run.description)))
     return laws
 
 

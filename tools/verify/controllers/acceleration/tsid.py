@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM
 from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft
@@ -25,7 +26,6 @@ from hoap3.tools.verify.controllers.acceleration.quadratic import optimum_of
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, posture_of
 from hoap3.tools.verify.tasks.logarithm import rotation_vector
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -123,7 +123,7 @@ def _pose(run: ControllerRun, settings: Settings) -> Settings:
         }
     default = default_entry(robot)["parameters"]
     if default.get("frame") == COM or frame not in {None, default["frame"]}:
-        raise UnknownTaskError("the robot's default task is for another point")
+        raise UnverifiableError("the robot's default task is for another point")
     placed = Robot(robot)
     placed.place(robot.initial_position)
     seen_from, shown = (root_pose(placed, default[key])[1] for key in ("reference", "frame"))

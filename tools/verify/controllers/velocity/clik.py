@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hoap3.remote_controller.solvers.clik.constant_gains_reference import constant_gains
 from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.clik_certificate import Certificate, Claimed
@@ -25,7 +26,6 @@ from hoap3.tools.verify.controllers.velocity.task_stack import (
     Tasks,
 )
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -105,7 +105,7 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
         tasks = Tasks.of(run, settings["tasks"])
         weights = of_rows(tasks.entries, tasks.sizes, "weight", WEIGHT)
         wanted = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
-    except UnknownTaskError as error:
+    except UnverifiableError as error:
         claims.unverified("certificate", len(run.answers), str(error))
         return
     named = _columns(tasks)

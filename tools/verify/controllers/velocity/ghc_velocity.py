@@ -5,7 +5,7 @@ Liu, Tan and Padois (2015), (13) with the velocities of section 8.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,14 +15,14 @@ from scipy.optimize import linprog
 
 from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.constraints.parameters import NOT_READ, reason_of
 from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.hierarchy import Condensed, condensed, multipliers
 from hoap3.tools.verify.controllers.velocity.settings import of_rows, settings_of
 from hoap3.tools.verify.controllers.velocity.task_stack import Tasks
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values
-from hoap3.tools.verify.tasks.priorities import Priorities, top_tasks
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -61,17 +61,17 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
         settings = settings_of(parameters, DEFAULTS)
         tasks = Tasks.of(run, settings["tasks"])
         gains = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
-        priorities = Priorities(tasks.labels, settings["priorities"])
-    except UnknownTaskError as error:
-        claims.unverified("certificate", len(run.answers), str(error))
+        Priorities(tasks.labels, settings["priorities"])  # which must be readable
+    except NOT_READ as error:
+        claims.unverified("certificate", len(run.answers), reason_of(error))
         return
     answers = answers_of(run, settings, tasks, _columns(tasks), claims)
     if answers is None:
         return
     try:
-        ranks = _ranks(answers.run, priorities)
-    except UnknownTaskError as error:
-        claims.unverified("certificate", len(answers.tick), str(error))
+        ranks = _ranks(answers.run, lambda: Priorities(tasks.labels, settings["priorities"]))
+    except NOT_READ as error:
+        claims.unverified("certificate", len(answers.tick), reason_of(error))
         return
     k = len(tasks.labels)
     if k <= MOST_LOGGED:
@@ -99,32 +99,36 @@ def _columns(tasks: Tasks) -> list[str]:
     return errors + [f"alpha_{a}_{b}" for a in names for b in names]
 
 
-def _ranks(run: ControllerRun, priorities: Priorities) -> _Ranks:
+def _ranks(run: ControllerRun, begin: Callable[[], Priorities]) -> _Ranks:
     """Follow timeline and live changes through the answers of a run.
 
-    Raises:
-        UnknownTaskError: a change that cannot be read.
+    Args:
+        run: of the controller.
+        begin: gives the priorities as they are at each start of the controller.
     """
     ticks, T = run.states["tick"].astype(np.int64), run.description.period_s
     resets, changes = [*run.resets], [*run.changes]
-    N, k = len(run.answers), len(priorities.alpha)
+    priorities = begin()
+    alpha = priorities.goal
+    N, k = len(run.answers), len(alpha)
     found = _Ranks(np.zeros((N, k, k)), np.zeros(N, bool), np.zeros((N, k), bool))
     first, now, top, stale = 0, 0.0, np.zeros(k, bool), True
     for row, place in enumerate(run.answered.tolist()):
         while resets and resets[0] <= place:
             begun = resets.pop(0)
-            priorities.begin()
+            priorities = begin()
+            alpha = priorities.goal
             first, now, top, stale = int(ticks[begun]), 0.0, np.zeros(k, bool), True
             changes = [change for change in changes if change[0] > begun]
         while changes and changes[0][0] <= place:
             priorities.change(changes.pop(0)[1], now)
         now = (int(ticks[place]) - first) * T
-        priorities.at(now)
-        settled = not (priorities.changed or priorities.moving)
+        before, alpha = alpha, priorities.at(now)
+        settled = bool((alpha == before).all()) and not priorities.under_way
         stale = stale or not settled
         if (settled and stale) or not top.any():
-            top, stale = top_tasks(priorities.alpha), False
-        found.alpha[row], found.settled[row], found.top[row] = priorities.alpha, settled, top
+            top, stale = leaders(alpha), False
+        found.alpha[row], found.settled[row], found.top[row] = alpha, settled, top
     return found
 
 

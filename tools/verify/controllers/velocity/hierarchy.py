@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-LEAST_WIDTH = 1e-5  # of |J_l|_F: the least s₀
-DEPENDENT = 1e-8  # of a singular value of unit rows: less is rounding
 
 
 @dataclass(frozen=True)
@@ -51,8 +50,9 @@ def condensed(
     """
     N, _, n = J.shape
     S, q0, reach = np.zeros((N, n, n)), np.zeros((N, n)), np.zeros((N, len(rows)))
+    projectors = Projectors(J, [0, *(each.stop for each in rows)], width)
     for i, mine in enumerate(rows):
-        P = projectors(J, rows, alpha[:, i], width)
+        P = projectors.of(alpha[:, i])
         U, s, Vt = np.linalg.svd(J[:, mine], full_matrices=False)
         V = Vt.transpose(0, 2, 1)
         spread = (1.0 / (s**2 + w))[:, None, :]
@@ -62,44 +62,6 @@ def condensed(
         reach[:, i] = (s / (s**2 + w)).max(1)
         q0 += (P @ V @ ((s / (s**2 + w))[:, :, None] * within))[:, :, 0]
     return Condensed(S, q0, reach)
-
-
-def projectors(J: Array, rows: Sequence[slice], alpha: Array, width: float) -> Array:
-    """P = (1 − a_1)I + Σ (a_l − a_{l+1}) N_l, (N, n, n), a_1 > a_2 > … the priorities over a task.
-
-    Args:
-        J, rows, width: as above.
-        alpha: of each task over this one, (N, k).
-    """
-    N, _, n = J.shape
-    found = np.zeros((N, n, n))
-    order = (alpha[:, :, None] > alpha[:, None, :]).sum(2) * (alpha > 0.0) + (alpha > 0.0)
-    orders, which = np.unique(order, axis=0, return_inverse=True)
-    for number, ranks in enumerate(orders):
-        at = np.flatnonzero(which.ravel() == number)
-        levels = sorted({rank for rank in ranks.tolist() if rank > 0}, reverse=True)
-        a = [alpha[at, ranks.tolist().index(level)] for level in levels] + [np.zeros(len(at))]
-        found[at] += (1.0 - a[0])[:, None, None] * np.eye(n)
-        for place, level in enumerate(levels):
-            above = [slice_ for slice_, rank in zip(rows, ranks, strict=True) if rank >= level]
-            stack = np.concatenate([J[at, each] for each in above], 1)
-            share = (a[place] - a[place + 1])[:, None, None]
-            found[at] += share * null_spaces(stack, width)
-    return found
-
-
-def null_spaces(J: Array, width: float) -> Array:
-    """N_l = I − V diag(φ) Vᵀ of stacked rows, (N, n, n): φ = 1, or 3t² − 2t³, t = min(σ/s₀, 1)."""
-    if width > 0.0:
-        size = np.linalg.norm(J, axis=(1, 2))
-        _, s, Vt = np.linalg.svd(J, full_matrices=False)
-        t = np.minimum(s / np.maximum(width, LEAST_WIDTH * size)[:, None], 1.0)
-        kept = 3.0 * t**2 - 2.0 * t**3
-    else:
-        lengths = np.linalg.norm(J, axis=2, keepdims=True)
-        _, s, Vt = np.linalg.svd(J / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
-        kept = (s > DEPENDENT).astype(float)
-    return np.asarray(np.eye(J.shape[2]) - (Vt.transpose(0, 2, 1) * kept[:, None, :]) @ Vt)
 
 
 def multipliers(problem: Condensed, u: Array, lower: Flags, upper: Flags) -> Array:

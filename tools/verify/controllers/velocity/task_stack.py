@@ -71,7 +71,7 @@ class Tasks:
         """Those of `parameters.tasks`; without any, the robot's default task.
 
         Raises:
-            UnknownTaskError: one that cannot be recomputed.
+            UnverifiableError: one that cannot be recomputed.
         """
         description = run.description
         robot = Robot(description, run.messages)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 
@@ -146,15 +147,13 @@ def _finite_size(ends: Array) -> Array:
     return np.where(np.isfinite(ends), np.abs(ends), 0.0)
 
 
-def unfit(settings: Mapping[str, Any], n: int) -> str:
-    """Which bound of a config, complete with defaults, is none; "" for none."""
+def check_settings(settings: Mapping[str, Any], n: int) -> None:
+    """Raise an UnverifiableError where bounds of a config, complete with defaults, are invalid."""
     if settings["kind"] not in KINDS:
-        return f"bounds are {settings['kind']!r:.40}"
+        raise UnverifiableError(f"bounds are {settings['kind']!r:.40}")
     for key in ("acceleration_max", "speed_max", "torque_max"):
         if len(settings.get(key, ())) not in {0, 1, n}:
-            return f"bounds.{key} has {len(settings[key])} values"
-    positive = ("acceleration_share", "speed_share", "brake_share", "horizon_periods")
-    for key in positive:
+            raise UnverifiableError(f"bounds.{key} has {len(settings[key])} values")
+    for key in ("acceleration_share", "speed_share", "brake_share", "horizon_periods"):
         if not settings[key] > 0.0:
-            return f"bounds.{key} is {settings[key]}"
-    return ""
+            raise UnverifiableError(f"bounds.{key} is {settings[key]}")

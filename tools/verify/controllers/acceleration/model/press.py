@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.tasks.accelerations import wrench_reference as reference
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     ROUNDING,
     Place,
@@ -25,7 +26,6 @@ from hoap3.tools.verify.controllers.acceleration.model.wanted import (
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.live import live_wrench_of
 from hoap3.tools.verify.tasks.logarithm import rotation_of, rotation_vector
-from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
@@ -54,14 +54,14 @@ class Press(Wanted):
         measured: the wrench along them, (k,) [N, N m].
 
     Raises:
-        UnknownTaskError: the robot has no such sensor.
+        UnverifiableError: the robot has no such sensor.
     """
 
     def __init__(self, given: Settings, robot: Robot) -> None:
         description, self._given = robot.description, {**USUAL, **given}
         self.frame, self.sensor = given["frame"], given.get("sensor") or given["frame"]
         if self.sensor not in description.wrench_sensors:
-            raise UnknownTaskError("the robot has no wrench sensor there")
+            raise UnverifiableError("the robot has no wrench sensor there")
         standing = given.get("reference") or description.base_frame
         self._place = Place(
             place_target_of(given.get("target"), robot), self.frame, standing, robot

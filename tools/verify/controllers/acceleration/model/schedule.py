@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Settings = Mapping[str, Any]
@@ -39,6 +41,12 @@ class Schedule(ABC):
     def moving(self) -> bool:
         """Whether some number was on its way when last asked for, or is to set out."""
         return bool(self._later) or self._asked < float((self._begin + self._over).max())
+
+    @property
+    def under_way(self) -> bool:
+        """Whether some number was on its way when last asked for."""
+        ends = self._begin + self._over
+        return bool(((self._from != self._to) & (ends > self._asked)).any())
 
     def at(self, time_s: float) -> Array:
         """The numbers."""
@@ -94,7 +102,9 @@ class Priorities(Schedule):
         k, names = len(names), list(names)
         self._wanted = np.zeros((k, k))
         if settings.get("matrix"):
-            self._wanted[:] = settings["matrix"]
+            self._wanted = np.array(settings["matrix"], float)
+            if self._wanted.shape != (k, k) or not (abs(self._wanted - 0.5) <= 0.5).all():
+                raise UnverifiableError("the matrix of priorities cannot be read")
         elif settings.get("order"):
             for i, j, value in _ordered(settings["order"], names):
                 self._wanted[i, j] = value

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.tools.verify.controllers.acceleration.model.parameters import is_number
+from hoap3.tools.verify.constraints.parameters import UnverifiableError, is_number
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import is_live, place_of, posture_of, task_of
 from hoap3.tools.verify.tasks.live import live_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
-from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError
+from hoap3.tools.verify.tasks.targets import Target
 from hoap3.tools.verify.tasks.tasks import AnyTask
 from hoap3.tools.verify.tasks.trajectories import TRAJECTORY
 
@@ -182,7 +182,7 @@ def wanted_of(entry: Settings, robot: Robot) -> Wanted:
     """A task of a config.
 
     Raises:
-        UnknownTaskError: what cannot be recomputed, with the reason.
+        UnverifiableError: what cannot be recomputed, with the reason.
     """
     name, given, n = entry.get("task"), entry.get("parameters") or {}, robot.description.n
     task = task_of(entry, robot)  # which refuses what is wrong
@@ -253,7 +253,7 @@ def gains_of(entry: Settings) -> tuple[float, float]:
     """Gains kp [1/s²] and kd [1/s], by default critical damping."""
     kp, kd = entry.get("kp", 10.0), entry.get("kd")
     if not is_number(kp) or kp < 0.0 or not (kd is None or is_number(kd)):
-        raise UnknownTaskError(f"gains are {kp!r:.40} and {kd!r:.40}")
+        raise UnverifiableError(f"gains are {kp!r:.40} and {kd!r:.40}")
     return float(kp), 2.0 * math.sqrt(kp) if kd is None else float(kd)
 
 
