@@ -134,7 +134,8 @@ def replay(
     report.missing, report.software = log.missing, others
     if path.is_dir():
         logs = [log, *([Log.open(path, "robot")] if any(path.glob("robot*.mcap")) else [])]
-        report.contradictions = [name for name, same in enclosed_alike(logs).items() if not same]
+        alike = enclosed_alike(logs)
+        report.contradictions = [name for name, same in alike.items() if same is False]
     return report
 
 

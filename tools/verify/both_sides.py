@@ -48,17 +48,22 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         claims.unverified("description in both logs", 1, str(error))
 
 
-def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
+def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool | None]:
     """Whether descriptions and configs agree with the records of these logs, by what was compared.
+
+    None where the other side's log has no record to compare with.
 
     Args:
         logs: of one run, one a side.
     """
-    alike, found = {}, [(log, _stated(log)) for log in logs]
+    alike: dict[str, bool | None] = {}
+    found = [(log, _stated(log)) for log in logs]
     old = OLDEST in {log.wire_version for log, _ in found}
     for log, records in found:
         described = records[Kind.DESCRIPTION][-1:]
-        if described:
+        if described and "description.json" not in log.attachments:
+            alike[f"description of the {log.side}"] = None
+        elif described:
             same = described == [log.attachments.get("description.json")]
             same &= log.attachments.get("robot.urdf", b"").decode(errors="replace") == _urdf(log)
             alike[f"description of the {log.side}"] = same
@@ -70,8 +75,8 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool]:
             if theirs is records or not ours & others:
                 continue
             known = [json.loads(json.loads(body)["config"]) for body in theirs[Kind.CONFIG]]
-            if known:
-                alike[f"config of the {log.side}"] = log.settings in known
+            if known or not old:
+                alike[f"config of the {log.side}"] = log.settings in known if known else None
             if described and theirs[Kind.DESCRIPTION] and not old:
                 alike["description of both"] = described[0] in theirs[Kind.DESCRIPTION]
     return alike

@@ -104,7 +104,10 @@ def verify(
             missing.append(f"{log.side}: {log.missing}")
     try:
         for name, same in enclosed_alike(logs.values()).items():
-            found.claims.equal(name, 0, float(same), 1.0)
+            if same is None:
+                found.claims.unverified(name, 1, "there is nothing to compare it with")
+            else:
+                found.claims.equal(name, 0, float(same), 1.0)
     except NEVER_OURS as error:
         raise LogError(f"{path}: holds what no service of ours writes ({error})") from error
     if len(logs) == len(SIDES):
