@@ -1,6 +1,6 @@
 """What a controller makes of its authority: pure steps, from one State of the robot to the next.
 
-`hoap3 prove authority` searches this code together with the robot's.
+`python -m tests.proofs authority` searches this code together with the robot's.
 """
 
 from __future__ import annotations

@@ -6,11 +6,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import gains
 import limits
 import matplotlib as mpl
 import moving
 import objective
-import proofs
 import ranks
 import rates
 from drawing import STYLE, save
@@ -23,7 +23,7 @@ DRAWN = (
     *(limits.joint_velocity, limits.joint_position, limits.support_polygon, limits.zmp),
     *(limits.distance, limits.fixed_frame, limits.half_space, limits.minimum_speed),
     *(limits.pfaffian, moving.lemniscate, moving.circulation, moving.descent, moving.behind),
-    *(ranks.priorities, proofs.gains),
+    *(ranks.priorities, gains.gains),
 )
 PICTURES: dict[str, Callable[[], Figure]] = {draw.__name__: draw for draw in DRAWN}
 """Every picture, by the name of its file."""

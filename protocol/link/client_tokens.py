@@ -2,7 +2,7 @@
 
 Tokens come and go as samples, some of which may be lost. A look-up makes up for that; it takes
 time, and samples that are newer than its begin count for more than what it found.
-`hoap3 prove authority` runs this code against every order of samples and look-ups.
+`python -m tests.proofs authority` runs this code against every order of samples and look-ups.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ from hoap3.tools.cli.secure.certs import certs_app
 from hoap3.tools.cli.services.service import service_app
 from hoap3.tools.cli.services.soak import soak
 from hoap3.tools.cli.trajectory import trajectory_app
-from hoap3.tools.cli.verify import prove, verify
+from hoap3.tools.cli.verify import verify
 from hoap3.tools.cli.viewers.bridge import bridge_app
 from hoap3.tools.cli.viewers.view import view
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
@@ -71,7 +71,7 @@ app.add_typer(robot_app, name="robot")
 app.add_typer(service_app, name="service")
 app.add_typer(trajectory_app, name="trajectory")
 _COMMANDS = (
-    *(change, compare, doctor, latency, limits, new, prove, report, reproduce, soak, verify, view),
+    *(change, compare, doctor, latency, limits, new, report, reproduce, soak, verify, view),
 )
 for command in _COMMANDS:
     app.command()(command)

@@ -36,13 +36,3 @@ def check_view() -> None:
     """
     if find_spec("websockets") is None:
         raise NotInstalledError("package", "websockets", "'hoap3[view]'")
-
-
-def check_prover() -> None:
-    """Refuse what needs z3 before it begins.
-
-    Raises:
-        NotInstalledError: z3 is not installed.
-    """
-    if find_spec("z3") is None:
-        raise NotInstalledError("package", "z3", "'hoap3[prove]'")

@@ -36,7 +36,6 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "replay": ("replay", "{log}"),
     "report": ("report", "{log}"),
     "verify": ("verify", "{log}"),
-    "prove": ("prove", "authority", "--requests", 1, "--crashes", 0, "--no-faults"),
     "record": ("record", "--repair", "{log}/robot.mcap"),
     "limits": ("limits", "ur5", "--samples", 100),
     "doctor": ("doctor", "--no-measure"),

@@ -7,7 +7,8 @@ from functools import cache
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.claim import MOST_STRANGE_STATES, Claim
 from hoap3.robot_emulator.authority import RELEASED, Authority
-from hoap3.tools.prove.authority.steps import (
+
+from .steps import (
     GRACE,
     LEASE,
     LOOK_TICKS,
@@ -16,7 +17,7 @@ from hoap3.tools.prove.authority.steps import (
     Step,
     one_tick_on,
 )
-from hoap3.tools.prove.authority.world import NAMES, UNSEEN, World
+from .world import NAMES, UNSEEN, World
 
 LATEST = LEASE + 2 * LOOK_TICKS
 """Ticks for which the holder's token may be gone: a lease, and the look-ups at either end of it."""

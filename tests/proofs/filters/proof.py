@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from hoap3.tools.prove.claims import Proof
-from hoap3.tools.prove.lemmas import Lemmas, judged, refuted
+from ..claims import Proof
+from ..lemmas import Lemmas, judged, refuted
 
 Tell = Callable[[str], None]
 
@@ -25,10 +25,10 @@ def prove_filter(
         faults: whether planted faults are looked for, too.
         tell: is told what is looked at.
     """
-    from hoap3.tools.prove.filters.compiled import differing
-    from hoap3.tools.prove.filters.few_bits import cases, examined, sources
-    from hoap3.tools.prove.filters.mutants import look_for
-    from hoap3.tools.prove.filters.setpoint_lemmas import lemmas
+    from .compiled import differing
+    from .few_bits import cases, examined, sources
+    from .mutants import look_for
+    from .setpoint_lemmas import lemmas
 
     proof, told = Proof("setpoint filter"), tell or _silent
     _prove(proof, lemmas, told, faults=faults)
@@ -60,7 +60,7 @@ def prove_filter(
 
 def prove_jerk(*, faults: bool = True, tell: Tell | None = None) -> Proof:
     """The lemmas of the filter with a limit of jerk; see `prove_filter`."""
-    from hoap3.tools.prove.filters.jerk_lemmas import lemmas
+    from .jerk_lemmas import lemmas
 
     proof = Proof("filter with a limit of jerk")
     _prove(proof, lemmas, tell or _silent, faults=faults)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.prove.filters.few_bits import FUNCTIONS, sources
-from hoap3.tools.prove.filters.transcribed import transcribed
+from .few_bits import FUNCTIONS, sources
+from .transcribed import transcribed
 
 BATCH = 1000
 SEED = 20

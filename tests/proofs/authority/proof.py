@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hoap3.tools.prove.authority.mutants import MUTANTS, search_with
-from hoap3.tools.prove.authority.search import search
-from hoap3.tools.prove.claims import Proof
+from ..claims import Proof
+from .mutants import MUTANTS, search_with
+from .search import search
 
 
 def prove_authority(

@@ -11,7 +11,8 @@ from hoap3.protocol.link.client_tokens import ClientTokens
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.claim import Claim
 from hoap3.robot_emulator.authority import Authority, Grant
-from hoap3.tools.prove.authority.search import Found, search
+
+from .search import Found, search
 
 _acquire, _drop, _stop = Authority.acquire, Authority.drop, Authority.stop
 _recover, _begin, _rest = Authority.recover, Authority.begin, Authority.come_to_rest

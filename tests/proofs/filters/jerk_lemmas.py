@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hoap3.tools.prove.lemmas import Lemma
+from ..lemmas import Lemma
 
 
 def speed(m: Any, u: Any, x: Any) -> Any:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hoap3.tools.prove.lemmas import Lemma
+from ..lemmas import Lemma
 
 UNIT = 2.0**-53
 """Relative rounding of one operation."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from hoap3.tools.prove.authority.mutants import MUTANTS, search_with
-from hoap3.tools.prove.authority.proof import prove_authority
-from hoap3.tools.prove.authority.search import search
+from .authority.mutants import MUTANTS, search_with
+from .authority.proof import prove_authority
+from .authority.search import search
 
 
 def test_nothing_is_wrong_in_a_small_world():

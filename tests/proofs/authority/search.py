@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from hoap3.tools.prove.authority.properties import wrong_authority, wrong_step, wrong_world
-from hoap3.tools.prove.authority.steps import Step, steps
-from hoap3.tools.prove.authority.world import World, canonical, first_world
+from .properties import wrong_authority, wrong_step, wrong_world
+from .steps import Step, steps
+from .world import World, canonical, first_world
 
 Progress = Callable[[int], None]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hoap3.tools.prove.filters import jerk_lemmas, setpoint_lemmas
-from hoap3.tools.prove.filters.compiled import differing, random_states
-from hoap3.tools.prove.filters.few_bits import cases, examined, sources
-from hoap3.tools.prove.filters.mutants import MUTANTS, Mutant, planted
-from hoap3.tools.prove.filters.proof import SOME, prove_filter, prove_jerk
-from hoap3.tools.prove.filters.transcribed import transcribed
-from hoap3.tools.prove.lemmas import Lemma, judged
+from .filters import jerk_lemmas, setpoint_lemmas
+from .filters.compiled import differing, random_states
+from .filters.few_bits import cases, examined, sources
+from .filters.mutants import MUTANTS, Mutant, planted
+from .filters.proof import SOME, prove_filter, prove_jerk
+from .filters.transcribed import transcribed
+from .lemmas import Lemma, judged
 
 z3 = pytest.importorskip("z3")
 

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.prove.filters.transcribed import source_of, transcribed
+from .transcribed import source_of, transcribed
 
 MODULES = (
     "hoap3.protocol.robot.setpoint_limits_kernels",

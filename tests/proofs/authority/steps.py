@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 from hoap3.protocol.messages import Event, State
 from hoap3.robot_emulator.authority import NO_TOKEN, RELEASED, Authority
-from hoap3.tools.prove.authority.world import DELETED, NAMES, TAKEN, Client, Look, World
+
+from .world import DELETED, NAMES, TAKEN, Client, Look, World
 
 GRACE = 1
 LEASE = 2
