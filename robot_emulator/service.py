@@ -15,6 +15,7 @@ from hoap3.protocol.link.base import RemoteRobotLink, RobotLink
 from hoap3.protocol.link.local_control import LocalControl, local_robots
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
+from hoap3.protocol.runtime.private_directory import no_directory
 from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
@@ -241,7 +242,7 @@ def _local_control(
         )
     with closing(LocalControl(description.name, config.link.places)) as local:
         if local.path is None:
-            report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")
+            report(f"no local control: {no_directory()}")
         link.serve_also(local)
         endpoints = ", ".join(config.link.places)
         report(Routine(f"robot {description.name!r} is alive at {endpoints}{how}"))

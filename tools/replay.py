@@ -47,6 +47,7 @@ class ReplayReport:
         field: what differed there.
         gap: tick beyond which nothing can be verified, or None.
         skipped: logged setpoints that could not be compared: of no session, or beyond the gap.
+        absent: setpoints of the replay that are not in the log.
         tolerance: largest difference of a value that counts as equal.
         missing: what the log has lost, so that it cannot be compared, or "".
         contradictions: what the logs of both sides say differently of the run.
@@ -59,6 +60,7 @@ class ReplayReport:
     field: str = ""
     gap: int | None = None
     skipped: int = 0
+    absent: int = 0
     tolerance: float = 0.0
     missing: str = ""
     contradictions: list[str] = made(default_factory=list)
@@ -67,7 +69,7 @@ class ReplayReport:
     @property
     def passed(self) -> bool:
         """Whether all was compared and equal, and the logs agree about the run."""
-        return self.identical and not (self.skipped or self.contradictions)
+        return self.identical and not (self.skipped or self.absent or self.contradictions)
 
     @property
     def identical(self) -> bool:
@@ -95,6 +97,8 @@ class ReplayReport:
             text += f"; the logs contradict each other: {', '.join(self.contradictions)}"
         if self.skipped:
             text += f"; {self.skipped} setpoints were not compared"
+        if self.absent:
+            text += f"; {self.absent} setpoints are missing from the log"
         return text
 
 
@@ -190,7 +194,7 @@ def replay_records(
     engaged = _Engagements(config, file, repeated)
     description: RobotDescription | None = None
     loop: ControllerLoop | None = None
-    answer, tick = None, 0
+    answer, tick, awaited = None, 0, False
     comparison: _Comparison | None = None
     records, sent = iter(records), 0
     for record in records:
@@ -206,11 +210,13 @@ def replay_records(
             (tick,) = State.scalars(record.payload, "tick")
             answer = loop.answer(record.stamp, record.payload)
             loop.sent()
+            report.absent += awaited  # the last State of a log that was cut off may have none
+            awaited = answer is not None
         elif record.kind == Kind.GAP:
             report.gap = tick
             break
         elif record.kind == Kind.SETPOINT and comparison is not None:
-            report.setpoints += 1
+            report.setpoints, awaited = report.setpoints + 1, False
             if report.setpoints % SAID_SETPOINTS == 0:
                 say(f"{report.setpoints} setpoints")
             differs = comparison.difference(record.payload, answer)

@@ -43,6 +43,17 @@ def runtime_directory() -> Path | None:
     return next((place for place in places if is_private(place)), None)
 
 
+def no_directory() -> str:
+    """Return why there is no runtime directory and what to do; "" where there is one."""
+    if runtime_directory() is not None:
+        return ""
+    chosen = os.environ.get("HOAP3_RUNTIME_DIR") or "unset"
+    return (
+        f"processes cannot find each other: no directory for their sockets (HOAP3_RUNTIME_DIR: "
+        f"{chosen}); it must belong to this user alone: `chmod 700` it, or name another"
+    )
+
+
 def _owner(path: Path) -> int:
     """User who owns a directory; under ``sudo -E`` not the process's. -1: there is none."""
     try:

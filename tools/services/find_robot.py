@@ -11,6 +11,7 @@ from hoap3.protocol.answers import ROBOT_ANSWERS, check_answer
 from hoap3.protocol.config.endpoints import Place, over_tls
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError
 from hoap3.protocol.link.local_control import LocalRobot, local_robots, others_here
+from hoap3.protocol.runtime.private_directory import no_directory
 from hoap3.protocol.secure.refusals import listens
 from hoap3.tools.services.client import (
     ENDPOINT,
@@ -175,15 +176,14 @@ def _refuse_several(found: list[LocalRobot]) -> None:
         return
     same = len({one.name for one in found}) == 1
     what = "Give its endpoint: --connect, in Python `endpoint=`" if same else "Add its name"
-    listed = ", ".join(map(str, found))
-    raise UsageError(f"{len(found)} robots run on this machine: {listed}. {what}")
+    listed, name = ", ".join(map(str, found)), f" called {found[0].name!r}" if same else ""
+    raise UsageError(f"{len(found)} robots{name} run on this machine: {listed}. {what}")
 
 
 def _none_here(robot: str | None, remedy: str) -> LinkError:
-    name, others = f" called {robot!r}" if robot else "", others_here(robot or "")
-    return LinkError(
-        f"no robot{name} of this user runs on this machine{remedy}{others and '; '}{others}"
-    )
+    name = f" called {robot!r}" if robot else ""
+    notes = "".join(f"; {note}" for note in (others_here(robot or ""), no_directory()) if note)
+    return LinkError(f"no robot{name} of this user runs on this machine{remedy}{notes}")
 
 
 def only_alive(endpoint: str) -> str:

@@ -28,14 +28,14 @@ NOT_CERTIFIABLE = "not_certifiable"
 HELD_BACK, WEAK = "held_back", "torque_limited"
 MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
 REASONS = {
-    NOT_TOLD: "not told by the controller",
-    NOT_TOLD_BY_ROBOT: "not told by the robot",
+    NOT_TOLD: "no result from the controller",
+    NOT_TOLD_BY_ROBOT: "no counts from the robot",
     NO_TARGET: "no task with an error that is judged",
-    DAMAGED: "what it rests on is lost with the log",
+    DAMAGED: "the log lacks the data it needs",
     NOT_REACHED: "error above tolerance at the end",
     NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
     NOT_CERTIFIABLE: "for too many answers there was nothing that a certificate could claim",
-    HELD_BACK: "the robot held a joint back at a limit",
+    HELD_BACK: "the robot clipped a joint at a limit",
     WEAK: "torques were too small to keep the limits",
     MARGIN: "a constraint was violated",
     OUTSIDE: "the centre of mass left the support polygon",
@@ -43,8 +43,8 @@ REASONS = {
 }
 """Why a verdict is `fail` or `not judged`, in words."""
 _UNTOLD = {
-    NOT_TOLD: "not told by the controller (constraints and balance)",
-    NOT_TOLD_BY_ROBOT: "not told by the robot (joints held back)",
+    NOT_TOLD: "no result from the controller (constraints and balance)",
+    NOT_TOLD_BY_ROBOT: "no counts from the robot (joints clipped)",
 }
 """The same of limits and balance, of which each side knows a part."""
 
@@ -241,12 +241,12 @@ def _margin_words(limits: Mapping[str, Any]) -> str:
 
 
 def _joint_words(joints: Mapping[str, Any] | None) -> str:
-    """Which joints were held back first, and most often; of several at once the first counts."""
+    """Name the joints clipped first and most often; of several in one period the first counts."""
     if not joints:
         return ""
     first = f", first {joints['first']} at tick {joints['first_tick']}"
     most = f"{joints['most']} ({joints['most_periods']} periods)"
-    return f"{first}, most often the first of those held: {most}"
+    return f"{first}, most often {most}"
 
 
 def _error_words(error: Mapping[str, Any]) -> str:

@@ -99,7 +99,7 @@ def test_of_several_robots_one_is_to_be_named(runtime, monkeypatch):
     try:
         with pytest.raises(UsageError, match=r"3 robots run on this machine: arm .*leg .*Add its"):
             ask_robots(None, "stop", None)
-        with pytest.raises(UsageError, match=r"2 robots run .*leg .*leg .*--connect"):
+        with pytest.raises(UsageError, match=r"2 robots called .leg. run .*leg .*leg .*--connect"):
             reach_robot("leg", None)
     finally:
         for one in made:

@@ -134,7 +134,7 @@ def test_limits_name_the_side_that_told_nothing(held_back, outcome, silent, verd
     assert {side for side in ("robot", "controller") if f"not_told_by_{side}" in limits} == silent
     assert judged["verdicts"]["limits_and_balance"] == verdict
     words = in_words(judged)["limits_and_balance"]
-    assert {side for side in ("robot", "controller") if f"told by the {side}" in words} == silent
+    assert {side for side in ("robot", "controller") if f"from the {side}" in words} == silent
 
 
 def test_the_joints_that_were_held_back_are_named():

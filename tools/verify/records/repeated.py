@@ -106,6 +106,10 @@ def check_repeated(
             claims.unverified(name, count.false, others)
     else:
         _compare(logged, again, claims, whole=whole, old=old)
+    if report is not None:
+        claims.equal("setpoints in the log", logged.tick, float(report.absent), 0.0, 0.0)
+        if report.absent:
+            return {}, f"{report.absent} setpoints are missing from the log"
     newest = {session: each for (session, _), each in sorted(again.summaries.items())}
     if whole:
         return newest, ""

@@ -12,7 +12,8 @@ from tampered_kinds import LOGS, SIDES, changes
 from tampering import rewrite
 
 from hoap3.protocol.errors import LogError
-from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.replay import replay
 from hoap3.tools.verify.verify import verify
 
 FOUND = {"false", "not verified", "error"}
@@ -56,3 +57,29 @@ def test_each_change_is_found(log: str, kinds: int, places: int, tmp_path: Path)
     for kind in sorted({kind for kind, _ in table}):
         print(f"{kind:<60}{table[kind, True]:>4} / {table[kind, True] + table[kind, False]}")
     assert [kind for kind, found in table if not found] == []
+
+
+def test_a_config_without_a_record_of_the_other_side_is_not_verified(tmp_path: Path) -> None:
+    run, folder = LOGS["plain"](tmp_path / "run"), tmp_path / "changed"
+    shutil.copytree(run, folder)
+    (folder / "robot.mcap").unlink()
+    rewrite(run, "robot", folder, lambda found: [r for r in found if r.kind != Kind.CONFIG])
+    found = verify(folder, repeat=True)
+    assert found.verdict == "not verified"
+    assert found.claims.counts["config of the controller"].unverified
+
+
+def test_setpoints_missing_from_the_log_are_counted(tmp_path: Path) -> None:
+    run, folder = LOGS["plain"](tmp_path / "run"), tmp_path / "changed"
+    shutil.copytree(run, folder)
+    (folder / "controller.mcap").unlink()
+
+    def shortened(records: list[Record]) -> list[Record]:
+        places = [i for i, r in enumerate(records) if r.kind == Kind.SETPOINT][10:60]
+        return [r for i, r in enumerate(records) if i not in places]
+
+    rewrite(run, "controller", folder, shortened)
+    report = replay(folder, [])
+    assert (report.absent, report.passed) == (50, False)
+    assert report.same == report.setpoints
+    assert verify(folder, repeat=True).claims.counts["setpoints in the log"].false == 1
