@@ -55,6 +55,8 @@ class NameClaim:
         self._seen: frozenset[tuple[int, RobotSession]] = frozenset()  # by place of the session
         self._others: frozenset[RobotSession] = frozenset()
         self.conflicts = self._reports = 0
+        self._is_newer = False
+        self._thread: threading.Thread | None = None
         self._changing, self._closing = threading.Lock(), threading.Event()
         self._sessions, self._kept = [session], list[object]()
         self._missing = list(settings.connect) if settings.mode == "peer" else []
@@ -70,11 +72,14 @@ class NameClaim:
         for each in range(len(self._sessions)):
             self._subscribe(each)
         if self._missing:
-            threading.Thread(target=self._keep_opening, name="name", daemon=True).start()
+            self._thread = threading.Thread(target=self._keep_opening, name="name", daemon=True)
+            self._thread.start()
 
     def close(self) -> None:
         """Close the sessions that watch routers."""
         self._closing.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(timeout=2.0 * CONNECT_S)
         for session in self._sessions[1:]:
             session.close()
 
@@ -83,8 +88,7 @@ class NameClaim:
 
         That is so for a newer robot of the same name that has no holder.
         """
-        newer = min(self._others, default=self._own) < self._own
-        return newer and State.scalars(state, "epoch_from_tick") == (0,)
+        return self._is_newer and State.scalars(state, "epoch_from_tick") == (0,)
 
     def _claim(self) -> None:
         """Declare the token, then look for others: of two that start together one sees the other.
@@ -141,6 +145,7 @@ class NameClaim:
             self._seen = self._seen | {(place, found)} if came else self._seen - {(place, found)}
             self._others = frozenset(one for _, one in self._seen)
             self.conflicts = len(self._others)
+            self._is_newer = min(self._others, default=self._own) < self._own
         self._reports += self._others != before
         if self._others != before and self._reports <= MAX_REPORTS:
             conflict = name_conflict(self._robot, [self._own, *self._others])

@@ -123,6 +123,8 @@ class ZenohRobotLink:
             )
             self._token = session.liveliness().declare_token(key(robot, "alive"))
         except BaseException:
+            if hasattr(self, "_name"):
+                self._name.close()
             session.close()
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)

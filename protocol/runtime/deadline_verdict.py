@@ -94,8 +94,8 @@ def unknown_deadlines(reason: str, text: str, verdict: str = NOT_JUDGED) -> dict
 def _below(reason: str, rate: float, passes: float, fails: float, what: str) -> list[Any]:
     if rate >= passes:
         return []
-    verdict, limit = (FAIL, fails) if rate < fails else (WARN, passes)
-    return [(verdict, reason, f"{rate:.3f} {what}, below {limit:.2f}")]
+    verdict, limit = (WARN, passes) if rate >= fails else (FAIL, fails)  # NaN fails
+    return [(verdict, reason, f"{rate:.5f} {what}, below {limit:.2f}")]
 
 
 def _result(found: list[Any], cause: str | None, remedy: str | None) -> dict[str, Any]:
@@ -116,6 +116,8 @@ def _cause(figures: Mapping[str, Any]) -> tuple[str | None, str | None]:
     """What most misses are due to, and what helps; None where all time is virtual."""
     ticks, skipped = figures["ticks"], figures["skipped"]
     total = round((1.0 - figures["success_rate"]["run"]) * ticks) + skipped
+    if not total:  # such as a safe stop for another reason
+        return None, None
     ours, measures = figures.get("misses_outside_stalls"), figures.get("realtime")
     if ours is not None and 2 * (total - ours) > total:
         return f"the host stalled in {total - ours} of {total} misses", _REMEDIES["host"]

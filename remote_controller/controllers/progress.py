@@ -23,8 +23,8 @@ class Progress:
     and its target lies further in. One condition for each direction in which e may be largest.
 
     Blocked: for 0.1 s V = ½|e|² of a task with an error above its tolerance has fallen by less than
-    0.1 % a second, it is not stationary, and joints are at bounds, or constraints at their rows,
-    that its gradient points beyond. One condition for each joint and constraint. A task of lower
+    0.1 % a second, it is not stationary, and joints are at bounds that its gradient points beyond,
+    or constraints at their rows. One condition for each joint and constraint. A task of lower
     priority is never blocked: the tasks above it may be what keeps it.
 
     Args:
@@ -68,11 +68,11 @@ class Progress:
         self.stationary = (1 << self._blocked) - (1 << self._first)
         self._T, self._patience = robot.period_s, math.ceil(LASTING_S / robot.period_s)
         self._reasons: dict[str, str] = {}
-        self._since = -1  # tick from which on something has been blocked
+        self._since: dict[int, int] = {}  # ticks from which on tasks have made no progress
 
     def reset(self) -> None:
         """Forget for how long tasks have made no progress."""
-        self._since = -1
+        self._since = {}
         self._reasons = {}
 
     def find(
@@ -118,11 +118,11 @@ class Progress:
         is_held = found & self._kernels.HELD or (rows and found & self._kernels.STUCK)
         stuck = self._stuck_tasks(rows) if is_held else []
         if not stuck:
-            self._since = -1
+            self._since.clear()
             return present
-        self._since = tick if self._since < 0 else self._since
-        lasting = tick - self._since >= self._patience
-        return present | self._blocked_tasks(stuck, rows) if lasting else present
+        self._since = {task: self._since.get(task, tick) for task in stuck}
+        lasting = [task for task, since in self._since.items() if tick - since >= self._patience]
+        return present | self._blocked_tasks(lasting, rows) if lasting else present
 
     def _stationary_tasks(self, errors: FloatArray) -> int:
         present, bit = 0, self._first

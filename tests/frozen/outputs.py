@@ -71,6 +71,8 @@ def write_output(step: Step, code: int, text: str, folder: Path) -> None:
         content = json.loads(text)
     except ValueError:
         content = None
+        if code not in {0, 2} and not folder.parent.name.startswith("damaged"):
+            raise RuntimeError(f"{step.output}: exit {code} without JSON: {text[-400:]}") from None
     output = {"exit": code, "json": content}
     (folder / f"{step.output}.json").write_text(json.dumps(output), encoding="utf-8")
 

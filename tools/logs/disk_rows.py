@@ -165,7 +165,8 @@ class MessageTable:
             block = np.zeros(len(begins[part]), dtype)
             for number, given in layouts.items():
                 alike = which[part] == number
-                rows = raw[begins[part][alike, None] + np.arange(given.itemsize)].view(given)[:, 0]
+                windows = np.lib.stride_tricks.sliding_window_view(raw, given.itemsize)
+                rows = windows[begins[part][alike]].view(given)[:, 0]
                 for name in given.names or ():
                     if given[name].shape:
                         values = np.full((len(rows), *dtype[name].shape), np.nan)

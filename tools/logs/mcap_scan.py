@@ -208,11 +208,12 @@ class McapScan:
     def parts(self) -> Iterator[Iterator[McapMessage] | Damage]:
         """The same, chunk by chunk, and what is damaged between them.
 
-        Each chunk is to be used before the next part is asked for.
+        Damage of a reordered file comes first, since the times of what is lost are not known. Each
+        chunk is to be used before the next part is asked for.
         """
         if self._sorted is not None:
-            yield from self._sorted.parts()
             yield from self.damages
+            yield from self._sorted.parts()
             return
         with open_regular(self.path) as stream:
             for part in self._parts:

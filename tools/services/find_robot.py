@@ -60,8 +60,14 @@ def ask_robots(
     if not given:
         raise failures[0]
     name, here = found[0].name, {each["session_id"] for each in given}
-    for place in {each["endpoint"] for each in given if each.get("name_conflicts")}:
-        others = [each for each in request_all(name, verb, place) if each["session_id"] not in here]
+    conflicting = [each for each in given if each.get("name_conflicts")]
+    for place in {each["endpoint"] for each in conflicting if each["endpoint"]}:
+        try:
+            reached = request_all(name, verb, place)
+        except Hoap3Error as error:
+            failures.append(error)
+            continue
+        others = [each for each in reached if each["session_id"] not in here]
         given += [{"robot": name, **each} for each in others]
         here |= {each["session_id"] for each in others}
     return given, [str(error) for error in failures]

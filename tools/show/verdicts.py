@@ -168,7 +168,7 @@ def _limits(
 ) -> dict[str, Any]:
     reported, body = outcome or {}, body_of(counts)
     held_back, torque_limited = (
-        found if isinstance(found := counts.get(name), int) else None
+        found if isinstance(found := counts.get(name), int) and found >= 0 else None
         for name in ("interventions", "torque_limited")
     )
     margin, balance = reported.get("margin") or {}, reported.get("balance") or {}
@@ -176,7 +176,7 @@ def _limits(
     reasons = [HELD_BACK] if held_back else []
     reasons += [WEAK] if torque_limited else []
     reasons += body_reasons(body)
-    if least is not None and least < -margin["tolerance"]:
+    if least is not None and not least >= -margin["tolerance"]:  # NaN is a violation
         reasons.append(MARGIN)
     if balance.get("outside"):
         reasons.append(OUTSIDE)
