@@ -25,6 +25,22 @@ def flip(path: Path, seed: int, begin: float = 0.0, end: float = 1.0, count: int
     path.write_bytes(content)
 
 
+def flip_in_chunks(path: Path, *shares: float) -> None:
+    """Invert a bit in the middle of the chunks with the messages at these shares of the time.
+
+    How many messages a chunk has, and so its place, depends on how fast the log was written.
+    """
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunks, content = summary.chunk_indexes, bytearray(path.read_bytes())
+    end = max(chunk.message_end_time for chunk in chunks)
+    for share in shares:
+        chunk = next(c for c in chunks if c.message_end_time >= share * end)
+        content[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    path.write_bytes(content)
+
+
 def rewrite(path: Path) -> None:
     """Write all messages, attachments and metadata with another writer: LZ4, other channel ids."""
     source = path.rename(path.with_suffix(".before"))
@@ -65,7 +81,7 @@ DAMAGES: dict[str, Callable[[Path], None]] = {
     "truncated": each(lambda path: truncate(path, 0.6)),
     "without_footer": each(lambda path: truncate(path, 0.9999)),
     "bit_in_head": each(lambda path: flip(path, 1, end=0.01)),
-    "bits_in_chunks": each(lambda path: flip(path, 2, 0.1, 0.8, count=3)),
+    "bits_in_chunks": each(lambda path: flip_in_chunks(path, 0.3, 0.6)),
     "bit_in_summary": each(lambda path: flip(path, 3, 0.995)),
     "rewritten": each(rewrite),
     "empty": each(lambda path: truncate(path, 0.0)),

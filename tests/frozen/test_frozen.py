@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.stream_reader import CRCValidationError
 from support.log_samples import describe, inputs, ticks, write
 
 from hoap3.protocol.messages import Setpoint, State
@@ -17,7 +19,7 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 
 from .__main__ import compare_case, show, summarise
 from .cases import Case, all_cases, lockstep
-from .damage import flip, rewrite, truncate
+from .damage import flip, flip_in_chunks, rewrite, truncate
 from .difference import Difference
 from .json_tree import compare_json
 from .ledger import LEDGER, read_ledger
@@ -233,6 +235,16 @@ def test_damage_is_the_same_each_time(log, tmp_path):
     assert copies[0].read_bytes() == copies[1].read_bytes()
     assert copies[0].read_bytes() != log.read_bytes()[: copies[0].stat().st_size]
     assert len(read_topics(log)["state"].data) == 50
+
+
+def test_damage_in_chunks_leaves_the_others(log, tmp_path):
+    copy = Path(shutil.copy(log, tmp_path / "copy.mcap"))
+    flip_in_chunks(copy, 0.5)
+    before, after = log.read_bytes(), copy.read_bytes()
+    assert len(before) == len(after)
+    assert sum(a != b for a, b in zip(before, after, strict=True)) == 1
+    with copy.open("rb") as stream, pytest.raises(CRCValidationError):
+        list(make_reader(stream, validate_crcs=True).iter_messages())
 
 
 def test_names_of_cases_are_unique_and_every_pair_is_one():
