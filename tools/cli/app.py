@@ -307,7 +307,7 @@ def record(
     robot: Running = None,
     repair: Annotated[
         Path | None,
-        typer.Option("--repair", metavar="LOG", help="Mend a log, or all of a run, instead."),
+        typer.Option("--repair", metavar="LOG", help="Repair a log, or all of a run, instead."),
     ] = None,
     duration: Duration = None,
     connect: Connect = None,
@@ -320,7 +320,7 @@ def record(
     from hoap3.tools.services.record import record_robot
 
     if repair is not None:
-        _mend(repair, as_json)
+        _repair(repair, as_json)
         return
     name, endpoint = reach_robot(robot, reached(connect, secure))
     outcome = record_robot(name, endpoint, out, duration, to_people)
@@ -481,7 +481,7 @@ def _root(
     """Control a robot from a separate process at 1 kHz; see why each deadline was met or missed."""
 
 
-def _mend(path: Path, as_json: bool) -> None:
+def _repair(path: Path, as_json: bool) -> None:
     from hoap3.tools.logs.repair import repair, repair_all
 
     reports, wrong = repair_all(path) if path.is_dir() else ([repair(path)], [])
@@ -494,7 +494,7 @@ def _mend(path: Path, as_json: bool) -> None:
             print_line(str(report))
     if wrong:
         raise LogError("; ".join(wrong))
-    if any(report.doubts for report in reports):
+    if any(report.damaged or report.doubts for report in reports):
         raise typer.Exit(1)
 
 

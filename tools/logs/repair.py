@@ -65,16 +65,15 @@ class RepairReport:
     def __str__(self) -> str:
         if self.whole:
             return f"{self.path}: is whole, {self.messages} messages; nothing was done"
+        lost = "".join(f"; {each}" for each in (self.damaged, self.doubts) if each)
         if self.already:
-            return f"{self.path}: already repaired, as {self.out}; {self._by_name}"
+            return f"{self.path}: already repaired, as {self.out}{lost}; {self._by_name}"
         until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
         inside = f"; rebuilt: {self.rebuilt}" if self.rebuilt else ""
-        inside += f"; {self.damaged}" if self.damaged else ""
         inside += f"; {self.others} messages on other topics were left out" if self.others else ""
-        return (
-            f"{self.out}: {self.messages} messages saved{until}{inside}; "
-            f"{self.dropped_bytes} bytes at the end could not be read; {self._by_name}"
-        )
+        if self.dropped_bytes:
+            inside += f"; {self.dropped_bytes} bytes at the end could not be read"
+        return f"{self.out}: {self.messages} messages saved{until}{inside}{lost}; {self._by_name}"
 
     @property
     def _by_name(self) -> str:
