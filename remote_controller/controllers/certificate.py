@@ -25,7 +25,7 @@ BLOCKED = "blocked: "
 """Begin of the conditions that bounds or constraints keep a task from progress."""
 RHO_MAX = 1.0 + 1e-9
 RESIDUAL_MAX = 1e-9
-RATE_ABSOLUTE, RATE_RELATIVE = 1e-9, 1e-6  # rounding of v_rate_predicted
+RATE_ABSOLUTE, RATE_RELATIVE = 1e-12, 1e-9  # rounding of v_rate_predicted
 FIELDS = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "values")
 
 

@@ -67,6 +67,7 @@ class SingularityExit:
         self._T, self._hessian = robot.period_s, np.zeros((robot.n, robot.n))
         self._q, self._before, self._dq, self._origin = np.zeros((4, robot.n))
         self._rate, self._lower, self._upper, self.u = np.zeros((4, robot.n))
+        np.linalg.eigh(np.eye(robot.n))  # its first call takes milliseconds
         self.reset()
 
     def reset(self) -> None:

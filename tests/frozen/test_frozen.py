@@ -321,3 +321,9 @@ def test_only_lines_without_wildcards_cover_states_and_setpoints(message):
         for each in differences
         if entry.covers(case.name, each)
     ]
+
+
+def test_a_command_that_crashes_is_no_result(tmp_path):
+    step = lockstep("qp12", "hoap3")
+    with pytest.raises(RuntimeError, match="exit 1"):
+        write_output(step, 1, "Traceback", tmp_path)

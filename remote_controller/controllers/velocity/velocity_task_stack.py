@@ -107,7 +107,10 @@ class LabelledTasksController(VelocityController):
         entry, function = self._entries[place], self.functions[place]
         first = int(self.offsets[place])
         rows, base = slice(first, first + len(function.error)), self.description.base_frame
-        judged = lambda: self.judged()[place]  # noqa: E731
+
+        def judged() -> bool:
+            return bool(self.judged()[place])
+
         return tasks.followed_task(entry.label, entry, rows, function.accuracy, base, judged)
 
     @classmethod

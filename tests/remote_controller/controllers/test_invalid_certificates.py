@@ -21,7 +21,7 @@ BAD = [
     *[(field, INF) for field in FIELDS if field != "margin"],
     *[(field, -INF) for field in FIELDS],
     *[("v", -1.0), ("v", -1e-300), ("rho", -0.1), ("rho", 1.1), ("kkt_residual", -1e-9)],
-    *[("v_rate_predicted", 5.0), ("v_rate_predicted", 1e-8), ("kkt_residual", 1.0)],
+    *[("v_rate_predicted", 5.0), ("v_rate_predicted", 1e-11), ("kkt_residual", 1.0)],
 ]
 GOOD = [("v", -0.0), ("v", 1e300), ("rho", 0.0), ("margin", INF), ("margin", -1.0)]
 GOOD += [("v_rate_predicted", -1.0)]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
-from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
+from hoap3.protocol.runtime.deadline_verdict import judge_counts, unknown_deadlines
 from hoap3.tools.show.verdicts import CERTIFIED_SHARE, failed, in_words, judge, judge_reported
 
 NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
@@ -184,3 +185,15 @@ def test_what_a_damaged_log_has_lost_is_never_good(damaged, timing, outcome, hel
     for name in ("task", "limits_and_balance"):
         lost = judged["verdicts"][name] == "fail"
         assert judged[name]["reasons"].count("damaged") == lost
+
+
+def test_a_margin_that_is_not_a_number_is_a_violation():
+    for margin in ({"least": math.nan, "tolerance": 0.0}, {"least": 1.0, "tolerance": math.nan}):
+        judged = judge(IN_TIME, counts(0, 0), told(margin=margin))
+        assert judged["verdicts"]["limits_and_balance"] == "fail"
+
+
+def test_a_safe_stop_without_a_miss_gets_no_invented_cause():
+    reported = {"asked": 100, "in_time": 100, "worst_window": 1.0, "safe_stops": 1}
+    found = judge_counts(reported)
+    assert (found["verdict"], found["cause"], found["remedy"]) == ("fail", None, None)
