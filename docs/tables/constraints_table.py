@@ -1,4 +1,4 @@
-"""A table of docs/choosing.md: `python -m docs.tables.constraints_table` writes it anew."""
+"""A table of docs/choosing.md: `python -m docs.tables.constraints_table` regenerates it."""
 
 from __future__ import annotations
 

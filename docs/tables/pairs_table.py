@@ -1,4 +1,4 @@
-"""The table of docs/robots.md: `python -m docs.tables.pairs_table` writes it anew."""
+"""The table of docs/robots.md: `python -m docs.tables.pairs_table` regenerates it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Table of docs/writing_a_task.md: `python -m docs.tables.tasks_table` writes it anew."""
+"""Table of docs/writing_a_task.md: `python -m docs.tables.tasks_table` regenerates it."""
 
 from __future__ import annotations
 

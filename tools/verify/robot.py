@@ -21,7 +21,7 @@ class Robot:
 
     Args:
         description: of the robot.
-        messages: of its controller's live targets; None where nobody has collected them.
+        messages: of its controller's live targets; None where they were not collected.
 
     Attributes:
         description, messages: what it was made from.

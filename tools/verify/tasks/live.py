@@ -81,7 +81,7 @@ def live_of(given: Mapping[str, Any], messages: Messages | None) -> LiveTarget:
     """The live target, (3,) [m], of a config's `target`.
 
     Raises:
-        UnverifiableError: nobody has collected its messages.
+        UnverifiableError: its messages were not collected.
     """
     return LiveTarget(given, _collected(given, messages), [POSITION] * 3)
 
