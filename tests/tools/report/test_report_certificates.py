@@ -116,6 +116,7 @@ def test_the_margin_is_drawn_and_violations_are_counted(content, shown):
 
 def test_where_all_is_proved_nothing_is_red_and_rho_is_left_out(tmp_path):
     fields = {"solver_status": CERTIFIED, "rho": 1.0, "margin": 0.25, "v": 1.0}
+    fields |= {"v_rate_required": -1.0, "v_rate_predicted": -1.0}
     content = read_content(active_log(tmp_path, setpoint=fields))
     assert list(figures(content)) == ["margin"]
     assert figures(content)["margin"].title == "Every constraint is kept, the nearest by 0.250"
