@@ -295,7 +295,8 @@ def _goal(
     What a config names counts; else the robot's default task, whose target counts only where the
     config leaves it the task.
     """
-    target, named = _target(parameters), parameters.get("frame")
+    target = _target(parameters)
+    named = parameters.get("reference_frame", parameters.get("frame"))  # as older logs have it
     if target is not None and named in description.frames:
         point = parameters.get("point", COM)
         return point if point in description.frames else COM, str(named), target

@@ -34,14 +34,16 @@ class PointTask:
 
     @classmethod
     def of(cls, description: RobotDescription, parameters: Mapping[str, Any]) -> PointTask:
-        """The task of a config: its `point`, `frame`, `target_m`, else the robot's default task.
+        """Return the task of a config, which the robot's default task completes.
 
         Raises:
             UnverifiableError: neither has a target.
         """
         default, robot = description.default_task, Robot(description)
-        reference = parameters.get("frame") or (default.reference if default else None)
-        point = parameters.get("point") or (COM if parameters.get("frame") else None)
+        older = parameters.get("frame")  # of older logs; without a point: the centre of mass
+        reference = parameters.get("reference_frame") or older
+        reference = reference or (default.reference if default else None)
+        point = parameters.get("point") or (COM if older else None)
         point = point or (default.point if default else None)
         if point is None or reference is None:
             raise UnverifiableError("the log names no target")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import COM, RobotDescription
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.ramp import Ramp
@@ -40,13 +42,20 @@ class DescentController(VelocityController):
     class Parameters(VelocityController.Parameters):
         """Task, rate of decrease, and what is fed back."""
 
+        hints: ClassVar = {
+            "frame": "Write reference_frame for the frame that the point is seen from, and point "
+            "for the frame that moves (com for the centre of mass)"
+        }
+
         point: str | None = Field(
             None,
-            description="what is brought to the target: com, or a frame; null: the robot's default "
-            "task decides, or com where frame is named",
+            description="what is brought to the target: com, or a frame; null: that of the "
+            "robot's default task",
         )
-        frame: str | None = Field(
-            None, description="frame that it is seen from; null: that of the default task"
+        reference_frame: str | None = Field(
+            None,
+            description="frame that the point is seen from; needs a point. null: that of the "
+            "default task",
         )
         target_m: tuple[float, float, float] | None = Field(
             None, description="where it shall be, in that frame [m]; null: as the default task"
@@ -81,6 +90,19 @@ class DescentController(VelocityController):
         )
         leave_singularity: LeaveSingularity = False
 
+        @field_validator("reference_frame")
+        @classmethod
+        def _check_point(cls, frame: str | None, info: ValidationInfo) -> str | None:
+            if frame is not None and info.data.get("point", "") is None:
+                problem = "is a frame of observation without a point"
+                remedy = (
+                    f"Add what moves: `point: com`, or `point: {frame}` with another frame here"
+                )
+                raise PydanticCustomError(
+                    "point", "{problem}", {"problem": problem, "remedy": remedy}
+                )
+            return frame
+
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
         parameters = _complete(parameters, description)
         super().__init__(description, parameters)
@@ -98,7 +120,7 @@ class DescentController(VelocityController):
             self._at_start = self.task.jacobian.copy()
             rate = self.fastest(parameters, self._at_start)
             self.heed_servos(too_fast(description, rate, parameters.kinematics_from))
-        directions = tuple(f"{axis} of {parameters.frame}" for axis in AXES)
+        directions = tuple(f"{axis} of {parameters.reference_frame}" for axis in AXES)
         followed = FollowedTask(self._point, directions, slice(0, len(AXES)), self._accuracy)
         unbounded = np.full(description.n, np.inf)
         self._find = self.watch_progress([followed], (-unbounded, unbounded), ends=self._ends).find
@@ -207,13 +229,15 @@ def _complete(
     parameters: DescentController.Parameters, description: RobotDescription
 ) -> DescentController.Parameters:
     """The parameters with what they leave to the robot's default task."""
-    point = parameters.point or (COM if parameters.frame else None)
-    reference, target = parameters.frame, parameters.target_m
+    point, reference, target = parameters.point, parameters.reference_frame, parameters.target_m
     if point is None or reference is None or target is None:
-        key = "target_m" if target is None else "frame"
+        key = "target_m" if target is None else "reference_frame"
         goal = default_goal(description, key, point, reference)
         point, reference, target = goal.point, goal.reference, target or goal.target_m
-    update = {"point": point, "frame": reference, "target_m": target}
+    if point == reference:
+        problem, remedy = "is the point itself, which never moves in it", "Name another frame"
+        raise ConfigError("", "reference_frame", reference, problem, remedy)
+    update = {"point": point, "reference_frame": reference, "target_m": target}
     return parameters.model_copy(update=update)
 
 
@@ -221,7 +245,7 @@ def _task(
     kinematics: Kinematics, parameters: DescentController.Parameters
 ) -> ComTask | FramePositionTask:
     """The task of complete parameters."""
-    point, reference = str(parameters.point), str(parameters.frame)
+    point, reference = str(parameters.point), str(parameters.reference_frame)
     target = np.array(parameters.target_m)
     if point == COM:
         return ComTask(kinematics, reference, target)

@@ -54,7 +54,7 @@ def position(x: float, y: float = 0.0, **more: object) -> dict:
 def controller(name: str, x: float, y: float = 0.0, **more: object) -> dict:
     """A controller that brings the tip to a point."""
     if name in {"qp12", "pinv", "osqp"}:
-        parameters = {"point": "tip", "frame": "base", "target_m": [x, y, 0.0], **more}
+        parameters = {"point": "tip", "reference_frame": "base", "target_m": [x, y, 0.0], **more}
     elif name == "stable_qp":
         parameters = {"task": position(x, y, **more)}
     else:
@@ -141,7 +141,7 @@ def test_random_postures_are_not_stationary(name):
     robot = load("ur5")
     x, y, z = 0.3, 0.2, 0.4
     if name == "qp12":
-        parameters = {"point": "tool0", "frame": "base", "target_m": [x, y, z]}
+        parameters = {"point": "tool0", "reference_frame": "base", "target_m": [x, y, z]}
     else:
         target = {"kind": "point", "position_m": [x, y, z]}
         task = {"task": "frame_position", "parameters": {"frame": "tool0", "target": target}}

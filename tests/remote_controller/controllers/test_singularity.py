@@ -65,7 +65,7 @@ def pair(robot: str, name: str, planar: str, by: float, **more: object) -> tuple
     target = [float(x) for x in place - by * direction]
     emulator = {"robot": planar} if robot == "planar" else {"robot": robot, "posture": "zero"}
     if name in ONE_POINT:
-        parameters = {"point": point, "frame": frame, "target_m": target, **more}
+        parameters = {"point": point, "reference_frame": frame, "target_m": target, **more}
         return emulator, {"controller": name, "parameters": parameters}
     goal = {"kind": "point", "position_m": target}
     given = {"frame": point, "reference": frame, "target": goal}

@@ -95,7 +95,8 @@ def test_a_hint_is_a_key_of_that_level_of_that_side(text: str, hint: str) -> Non
 def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None:
     arm = arm3.write(tmp_path)
     Path("mine.yaml").write_text(
-        "controller: qp12\nrobot: my_arm\nparameters: {frame: r_sole}\n", encoding="utf-8"
+        "controller: qp12\nrobot: my_arm\nparameters: {point: com, reference_frame: r_sole}\n",
+        encoding="utf-8",
     )
     unknown = inside("config", "check", "mine.yaml")
     assert unknown.code == 2

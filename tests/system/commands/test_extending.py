@@ -113,7 +113,12 @@ def test_a_task_of_ones_own_robot_by_a_shipped_controller(tmp_path: Path) -> Non
     law = {
         "controller": "qp12",
         "robot": "arm3",
-        "parameters": {"frame": "base", "target_m": [0.19, 0.08, 0.22], "gamma": 0.0},
+        "parameters": {
+            "point": "com",
+            "reference_frame": "base",
+            "target_m": [0.19, 0.08, 0.22],
+            "gamma": 0.0,
+        },
     }
     (tmp_path / "law.yaml").write_text(yaml.safe_dump(law))
     words = ("--robot", tmp_path, "--controller", tmp_path / "law.yaml", "--json")

@@ -11,7 +11,10 @@ from support.command_bench import Done, assert_ran, hoap3, inside
 pytestmark = pytest.mark.slow
 
 LOGS = {"robot.mcap", "controller.mcap"}
-WRONG = ("--set", "controller.parameters.frame=r_soul")
+WRONG = (
+    *("--controller", "qp12", "--set", "controller.parameters.point=com"),
+    *("--set", "controller.parameters.reference_frame=r_soul"),
+)
 SLOW = "[{constraint: joint_position, parameters: {eta_per_s: 5000}}]"
 
 

@@ -120,7 +120,7 @@ def test_a_log_of_a_robot_that_a_controller_cannot_move_names_it(tmp_path):
 
 def test_another_robots_log_is_compared_by_who_can_move_it(tmp_path):
     log = active(tmp_path / "robot.mcap")
-    frames = "frame=link_0,target_m=[0, 0, 0.1]"
+    frames = "point=com,reference_frame=link_0,target_m=[0, 0, 0.1]"
     made = compare([f"qp12@{frames}", f"pinv@{frames}"], log=log, timing=False)
     assert made.facts["robot"] == "sample"
     assert made.figures[0]["answers"] == 20
@@ -129,7 +129,7 @@ def test_another_robots_log_is_compared_by_who_can_move_it(tmp_path):
 @pytest.mark.parametrize("broken", [None, np.nan, np.inf, 1e300])
 def test_whatever_stands_in_the_states_of_a_log_gives_files(tmp_path, broken):
     log = active(tmp_path / "robot.mcap", broken=broken)  # stamps are random in any case
-    frames = "frame=link_0,target_m=[0, 0, 0.1]"
+    frames = "point=com,reference_frame=link_0,target_m=[0, 0, 0.1]"
     words = [f"qp12@{frames}", f"pinv@{frames}", "--log", log, "--out", tmp_path / "out"]
     done = CliRunner().invoke(app, list(map(str, words)))
     assert isinstance(done.exception, SystemExit | None), done.exception

@@ -172,8 +172,10 @@ def test_wrong_usage_is_one_clear_error_before_anything_is_written(tmp_path):
 
 
 def test_a_controller_that_the_robot_cannot_have_is_named(tmp_path):
-    message = refused(ConfigError, "qp12", "qp12@frame=nose", "--out", tmp_path / "out")
-    assert message.startswith("qp12@frame=nose: parameters.frame")
+    message = refused(
+        ConfigError, "qp12", "qp12@point=com,reference_frame=nose", "--out", tmp_path / "out"
+    )
+    assert message.startswith("qp12@point=com,reference_frame=nose: parameters.reference_frame")
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):

@@ -220,7 +220,9 @@ def test_where_no_joint_changes_v_it_rests(name, law):
     """The arm is stretched, and the target lies beyond: ∇V = 0 although e is not."""
     stretched = np.zeros(3)
     target = (0.0, 0.0, 1.0)
-    controller = controller_for(arm(), name, frame="base", target_m=target, **law)
+    controller = controller_for(
+        arm(), name, point="com", reference_frame="base", target_m=target, **law
+    )
     command = controller.step(state_at(arm(), stretched))
     assert command.v > 0.1
     assert command.solver_status == STATUS["uncertified"]
@@ -235,7 +237,9 @@ def test_an_arm_of_few_joints_is_moved_towards_the_target(name, law, count):
     q = np.full(count, 0.3)
     floating = FreeFlyer(robot)
     target = floating.com("base", q + 0.2)[0]
-    controller = controller_for(robot, name, frame="base", target_m=target.tolist(), **law)
+    controller = controller_for(
+        robot, name, point="com", reference_frame="base", target_m=target.tolist(), **law
+    )
     state, far = state_at(robot, q), np.inf
     for _ in range(200):
         command = controller.step(state)
