@@ -7,7 +7,7 @@ no limits, or 0 0     a revolute joint turns without end; a prismatic one is ref
 no effort, or 0       none: the robot takes no torques
 no inertia            only positions are commanded, where nothing that moves has one
 start posture         `zero`: each joint at 0, or at the limit nearest to it
-default task          the tip of the longest chain moves by up to 5 cm, see `tip`
+default task          the tip of the longest chain moves by 5 % of its reach, at least 1 cm: `tip`
 ====================  ============================================================================
 """
 
@@ -27,7 +27,7 @@ from hoap3.robot_emulator.robots.urdf_import.joints import ReadJoint
 from hoap3.robot_emulator.robots.urdf_import.notes import Note, Notes
 from hoap3.robot_emulator.robots.urdf_import.sanitize import Sanitized, sanitize
 from hoap3.robot_emulator.robots.urdf_import.source import Source, read_source
-from hoap3.robot_emulator.robots.urdf_import.tip import default_task
+from hoap3.robot_emulator.robots.urdf_import.tip import default_task, reach
 from hoap3.robot_emulator.robots.yaml_file import (
     DefaultTaskEntry,
     JointEntry,
@@ -134,10 +134,13 @@ def _task(robot: RobotDescription, notes: Notes) -> DefaultTaskEntry | None:
     if task is None:
         notes.add("left out", "no default task, because no joint moves the origin of a link")
         return None
-    x, y, z = task.move_m or (0.0, 0.0, 0.0)
+    move = task.move_m or (0.0, 0.0, 0.0)
+    x, y, z = move
+    far, whole = math.hypot(*move), reach(robot, task.point)
+    share = f", {far / whole:.1%} of its reach of {whole:.3g} m" if whole else ""
     text = (
         f"default task: {task.point!r}, the tip of the longest chain, moves by {x:g}, {y:g}, {z:g} "
-        "m, to where its joints can bring it"
+        f"m ({far:.3g} m{share}), to where its joints can bring it"
     )
     notes.add("guessed", text)
     return DefaultTaskEntry(**task.model_dump())

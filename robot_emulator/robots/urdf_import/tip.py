@@ -19,18 +19,18 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.protocol.urdf import UrdfStructure
 from hoap3.robot_emulator.robots.urdf_import.figures import triple
-from hoap3.robot_emulator.robots.urdf_import.joints import SPEED
 
-MOVE_M = 0.05  # at most: far enough to be seen, near enough for a straight way
-SHARE_OF_REACH = 0.1  # of the chain's length, at most: small robots move less
+SHARE_OF_REACH = 0.05  # of the chain's reach: far enough to be seen, near enough to be quick
+SEEN_M = 0.01  # at least, however short the chain is
 LEAST_MOVE_M = 1e-3  # a tip that moves less is none
-MOST_TURN = 1.0  # rad, or a tenth of it in m: of each joint
+MOST_TURN = 1.0  # rad: of each revolute joint
 SHARE_OF_ROOM = 0.5  # of a joint's room to its farther limit that may be used
-PARTS = 200  # in which that is tried
+PARTS = 1000  # in which that is tried
 STEPS = 400  # of the walker
 STEP = 0.02  # rad or m, at most
 NEAR_M = 5e-4
 DIGITS = 6  # of the target [m]
+ROUNDED = 1.001  # times as far as asked for: what rounding to these digits cannot spoil
 
 
 def chains(structure: UrdfStructure) -> dict[str, tuple[str, ...]]:
@@ -57,19 +57,29 @@ def candidates(structure: UrdfStructure) -> list[str]:
 
 
 def default_task(robot: RobotDescription) -> DefaultTask | None:
-    """Move the tip a little, as seen from the root; None where no tip can be moved."""
+    """Return a small motion of the tip, as seen from the root; None where no tip can be moved."""
     structure = robot.structure
     above = chains(structure)
     dynamics = Dynamics(robot)
+    nearer: tuple[float, str, FloatArray] | None = None  # than it should be moved
     for link in candidates(structure):
         followers = structure.followers
         joints = [followers[name].master if name in followers else name for name in above[link]]
         tip = _Tip(robot, dynamics, link, joints)
         move = tip.small_move()
-        if move is not None:
-            x, y, z = np.round(move, DIGITS).tolist()
-            return DefaultTask(point=link, reference=structure.root, move_m=(x, y, z))
-    return None
+        if move is None:
+            continue
+        length = float(np.linalg.norm(move))
+        if length >= tip.far:
+            return _task(robot, link, move)
+        if nearer is None or length > nearer[0]:
+            nearer = length, link, move
+    return None if nearer is None else _task(robot, *nearer[1:])
+
+
+def _task(robot: RobotDescription, link: str, move: FloatArray) -> DefaultTask:
+    x, y, z = np.round(move, DIGITS).tolist()
+    return DefaultTask(point=link, reference=robot.structure.root, move_m=(x, y, z))
 
 
 class _Tip:
@@ -90,22 +100,25 @@ class _Tip:
         self._joints = [robot.joint_names.index(name) for name in dict.fromkeys(joints)]
         self._start = np.array(robot.initial_position)
         self._lower, self._upper = np.array(robot.lower), np.array(robot.upper)
-        self._speeds = np.array(
-            [SPEED[robot.structure.moved[name].kind] for name in robot.joint_names]
-        )
+        self.far = ROUNDED * max(SEEN_M, SHARE_OF_REACH * reach(robot, link))
+        moved = robot.structure.moved
+        slides = [moved[name].kind == "prismatic" for name in robot.joint_names]
+        self._most = np.where(slides, self.far, MOST_TURN)
         self._here = self.place(self._start)
-        self._far = min(MOVE_M, SHARE_OF_REACH * _reach(robot, link))
 
     def small_move(self) -> FloatArray | None:
-        """One that the walker arrives at, else any, (3,) [m]; None where joints do not move it."""
-        otherwise = None
+        """Return one of length `far` that the walker arrives at, else the best there is, (3,) [m].
+
+        None where joints do not move it.
+        """
+        best = np.zeros(3)
         for turn in self._turns():
-            move = self._move(turn)
-            if np.linalg.norm(move) >= LEAST_MOVE_M:
-                if self._arrives(move):
-                    return move
-                otherwise = move if otherwise is None else otherwise
-        return otherwise
+            move, longest = self._move(turn), float(np.linalg.norm(best))
+            if (length := float(np.linalg.norm(move))) >= self.far and self._arrives(move):
+                return move
+            if length > longest and longest < self.far:
+                best = move
+        return best if np.linalg.norm(best) >= LEAST_MOVE_M else None
 
     def place(self, q: FloatArray) -> FloatArray:
         """Where it is, as seen from the root, (3,) [m]."""
@@ -127,19 +140,19 @@ class _Tip:
     def _turns(self) -> list[FloatArray]:
         """How far the joints may turn: all of them, and then each alone, (n,) each."""
         up, down = self._upper - self._start, self._start - self._lower
-        most = np.minimum(MOST_TURN * self._speeds, SHARE_OF_ROOM * np.maximum(up, down))
+        most = np.minimum(self._most, SHARE_OF_ROOM * np.maximum(up, down))
         most *= np.where(up >= down, 1.0, -1.0)
         alone = [most * (np.arange(len(most)) == joint) for joint in self._joints]
         return [np.sum(alone, axis=0), *alone]
 
     def _move(self, turn: FloatArray) -> FloatArray:
-        """How it moves with a part of a turn, as far as it may, (3,) [m]."""
+        """How it moves with the first part of a turn that is enough, else at most, (3,) [m]."""
         move = np.zeros(3)
         for part in np.linspace(0.0, 1.0, PARTS + 1)[1:]:
             further = self.place(self._start + part * turn) - self._here
-            if np.linalg.norm(further) > self._far:
-                break
             move = max(move, further, key=np.linalg.norm)
+            if np.linalg.norm(move) >= self.far:
+                break
         return move
 
     def _arrives(self, move: FloatArray) -> bool:
@@ -162,8 +175,11 @@ class _Tip:
         return False
 
 
-def _reach(robot: RobotDescription, link: str) -> float:
-    """Length of the chain from its first moving joint to a link, along its joints' origins [m]."""
+def reach(robot: RobotDescription, link: str) -> float:
+    """Return the length of the chain from its first moving joint to a link [m].
+
+    That is the distance along the origins of its joints, and the travel of its prismatic joints.
+    """
     offsets = {
         str(joint.get("name")): triple(joint.find("origin"), "xyz", "URDF", 0.0)
         for joint in ET.fromstring(robot.urdf).findall("joint")  # noqa: S314 - checked before
@@ -173,6 +189,8 @@ def _reach(robot: RobotDescription, link: str) -> float:
     while link in carrier:
         joint = carrier[link]
         if joint.name in robot.structure.moved:
+            if joint.kind == "prismatic":
+                passed += (joint.upper or 0.0) - (joint.lower or 0.0)
             length = passed
         passed += float(np.linalg.norm(offsets[joint.name]))
         link = joint.parent
