@@ -31,7 +31,7 @@ from hoap3.protocol.stop_reasons import STOP_REASONS
 from hoap3.robot_emulator.authority import ENDING, NAME_TAKEN, NO_TOKEN, Authority
 from hoap3.robot_emulator.body_watch import BodyWatch
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.filters.base import SetpointFilter
+from hoap3.robot_emulator.filters.base import STARTUP_TICKS, SetpointFilter, limit_figures
 from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.plants.base import TOLD
 from hoap3.robot_emulator.setpoint_validator import (
@@ -117,6 +117,8 @@ class RobotLoop:
         self._clipped = self._log_lost = False
         self._held = [0] * description.n  # periods, by the first joint held back in each
         self._held_first = (-1, -1)  # joint, tick
+        self._first_limit: dict[str, object] | None = None  # that clipped it
+        self._active_from = self._startup_held = 0  # tick; periods of `STARTUP_TICKS` from there
         self._conflicts_told = self._conflict_due = self._name_conflicts = 0
         self._overloaded = -1
         self.safe_stops = self.skipped = self._skipped_active = 0
@@ -202,7 +204,9 @@ class RobotLoop:
             "safe_stops": self.safe_stops,
             "misses_to_stop": self._config.misses_to_stop,
             "interventions": self._setpoint_filter.interventions,
+            "startup_interventions": self._startup_held,
             "held_back_joints": self._held_back_joints(),
+            "held_back_limit": self._first_limit,
             **self._body.summary(),
             "torque_limited": self._setpoint_filter.torque_limited + self.plant.saturated,
         }
@@ -351,6 +355,7 @@ class RobotLoop:
         if self._authority is not before:
             self._setpoint_filter.forget()
             self._followed = -1
+            self._active_from = self.tick
             self.validator.start_anew(self.tick)
             if self._first_active_tick < 0:
                 self._first_active_tick = self.tick
@@ -382,8 +387,11 @@ class RobotLoop:
         joint = setpoint_filter.held_back
         if joint >= 0:  # count the period by it
             self._held[joint] += 1
+            self._startup_held += self.tick < self._active_from + STARTUP_TICKS
             if self._held_first[0] < 0:
                 self._held_first = joint, self.tick
+                limit, at = setpoint_filter.limit_of(joint), float(setpoint_filter.reference[joint])
+                self._first_limit = limit_figures(self._description, joint, limit, at)
 
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""

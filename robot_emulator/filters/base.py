@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, FloatArray
 
 POSITION, SPEED, ACCELERATION, JERK, TORQUE = (
@@ -12,6 +13,35 @@ POSITION, SPEED, ACCELERATION, JERK, TORQUE = (
 )
 ROUNDING = 1e-6
 """Of a speed, an acceleration or a jerk relative to its limit: from there on the limit acts."""
+STARTUP_TICKS = 200
+"""Ticks from the first active one in which a clipped setpoint counts as a start-up step."""
+
+
+def limit_figures(
+    robot: RobotDescription, joint: int, limit: int, position: float
+) -> dict[str, object]:
+    """Return the name, value and unit of a joint's limit, for the robot's summary.
+
+    Args:
+        robot: its description.
+        joint: its number.
+        limit: `Event.LIMIT_*`.
+        position: of the joint; of a range the nearer end counts [rad or m].
+    """
+    lower, upper = float(robot.lower[joint]), float(robot.upper[joint])
+    acceleration = robot.setpoint_acceleration_max[joint]
+    if robot.command_kinds[0] != "position":
+        acceleration = min(acceleration, robot.brake_acceleration[joint])
+    name, value, power = {
+        POSITION: ("position", lower if position - lower < upper - position else upper, ""),
+        SPEED: ("speed", robot.velocity[joint], "/s"),
+        ACCELERATION: ("acceleration", acceleration, "/s²"),
+        JERK: ("jerk", robot.setpoint_jerk_max[joint], "/s³"),
+        TORQUE: ("torque", robot.effort[joint], ""),
+    }[limit]
+    slides = robot.structure.movable[robot.joint_names[joint]].kind == "prismatic"
+    unit = ("N" if slides else "N m") if limit == TORQUE else ("m" if slides else "rad") + power
+    return {"limit": name, "value": float(value), "unit": unit}
 
 
 class SetpointFilter(Protocol):

@@ -61,6 +61,30 @@ def test_the_joint_that_is_held_back_most_often_is_another_than_the_first():
     assert (told["first"], told["most"]) == (names[0], names[2])
 
 
+def test_what_is_clipped_within_200_ticks_of_a_start_counts_apart():
+    bench = following()
+    bench.run(150)
+    bench.speed[:] = (2.5, 0.0, 0.0)  # it does 1 rad/s, then 2
+    bench.run(100)
+    bench.speed[:] = 0.0
+    bench.run(10)
+    summary = bench.robot.summary()
+    assert (summary["interventions"], summary["startup_interventions"]) == (4, 2)
+    limit = {"limit": "acceleration", "value": 1000.0, "unit": "rad/s²"}
+    assert summary["held_back_limit"] == limit
+
+
+def test_a_range_that_clips_a_setpoint_is_named_by_its_nearer_end():
+    bench = following()
+    assert bench.robot.summary()["held_back_limit"] is None
+    bench.speed[:] = (0.0, -0.9, 0.0)
+    bench.run(5000)
+    found = bench.robot.summary()["held_back_limit"]
+    lower = float(bench.description.lower[1])
+    assert found == {"limit": "position", "value": lower, "unit": "rad"}
+    assert bench.robot.summary()["startup_interventions"] == 0
+
+
 def test_a_joint_is_named_for_every_intervention_of_a_stop_too():
     bench = following()
     bench.speed[:] = (1.5, 0.0, 0.0)

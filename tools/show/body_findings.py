@@ -25,6 +25,7 @@ _FIGURES: dict[str, dict[str, type | tuple[type, ...]]] = {
         "unit": str,
     },
     "held_back_joints": {"first": str, "first_tick": int, "most": str, "most_periods": int},
+    "held_back_limit": {"limit": str, "value": (int, float), "unit": str},
     "base": {
         "tilt_deg": (int, float),
         "largest_tilt_deg": (int, float),
@@ -35,7 +36,7 @@ _FIGURES: dict[str, dict[str, type | tuple[type, ...]]] = {
 
 
 def body_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """`beyond_stops`, `held_back_joints` and `base` of a robot's summary; None where not whole.
+    """Return each of `_FIGURES` of a robot's summary; None where it is not complete.
 
     Args:
         summary: as a robot of any version wrote it; docs/concepts.md has the keys.

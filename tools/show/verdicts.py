@@ -13,7 +13,19 @@ from hoap3.protocol.runtime.deadline_verdict import (
     judge_counts,
     unknown_deadlines,
 )
+from hoap3.robot_emulator.filters.base import STARTUP_TICKS
 from hoap3.tools.show.body_findings import BODY_REASONS, body_of, body_reasons, body_words
+
+LIMIT_REMEDIES = {
+    "position": "Keep setpoints inside the joint's range",
+    "speed": "Command at most this speed",
+    "acceleration": "Change the commanded speed by at most this limit times the period from one "
+    "answer to the next, as with a ramp (ramp_s) or the constraint viability",
+    "jerk": "Change the commanded acceleration by at most this limit times the period from one "
+    "answer to the next, or raise setpoint_jerk_max",
+    "torque": "Command at most this torque",
+}
+"""What to do about a limit that clipped a setpoint, by its name."""
 
 CERTIFIED_SHARE = 0.95
 """Least share of the answers that must be certified, of those that the controller can certify."""
@@ -63,7 +75,8 @@ def judge(
         deadlines: what `judge_deadlines` returns; None where nothing is known.
         counts: of the robot, as its summary and status have them; empty where it reports none.
             `interventions` and `torque_limited` are periods in which it held a joint back, or
-            could not keep its limits for lack of torque; see also `body_findings`.
+            could not keep its limits for lack of torque; `startup_interventions` are those of a
+            start-up step, which do not fail. See also `body_findings`.
         outcome: what the controller reported at its end, see `hoap3.remote_controller.outcome`;
             None where that is not known.
         expected: an outcome is required; without one, verdicts fail.
@@ -167,13 +180,13 @@ def _limits(
     counts: Mapping[str, Any], outcome: Mapping[str, Any] | None, damaged: Collection[str]
 ) -> dict[str, Any]:
     reported, body = outcome or {}, body_of(counts)
-    held_back, torque_limited = (
+    held_back, torque_limited, at_start = (
         found if isinstance(found := counts.get(name), int) and found >= 0 else None
-        for name in ("interventions", "torque_limited")
+        for name in ("interventions", "torque_limited", "startup_interventions")
     )
     margin, balance = reported.get("margin") or {}, reported.get("balance") or {}
     least = margin.get("least")
-    reasons = [HELD_BACK] if held_back else []
+    reasons = [HELD_BACK] if held_back and held_back > (at_start or 0) else []
     reasons += [WEAK] if torque_limited else []
     reasons += body_reasons(body)
     if least is not None and not least >= -margin["tolerance"]:  # NaN is a violation
@@ -186,6 +199,7 @@ def _limits(
         reasons += silent.values() if silent.keys().isdisjoint(damaged) else [DAMAGED]
     return {
         "held_back": held_back,
+        "startup_interventions": at_start,
         "torque_limited": torque_limited,
         **body,
         "smallest_margin": None if least is None else max(least, -sys.float_info.max),
@@ -220,6 +234,7 @@ def _limits_words(limits: Mapping[str, Any]) -> str:
         held = limits["held_back"]
         which = _joint_words(limits.get("held_back_joints"))
         parts.append(f"held back in {held} periods{which}" if held else "no limit held back")
+        parts += _startup_words(limits) if held else []
     if limits["torque_limited"]:
         parts.append(f"too little torque in {limits['torque_limited']} periods")
     parts += body_words(limits)
@@ -231,6 +246,19 @@ def _limits_words(limits: Mapping[str, Any]) -> str:
         share = f", in {outside} of {limits['com_checked']} postures" if outside else ""
         parts.append(f"CoM at worst {_size(abs(edge), 'm')} {where} the edge{share}")
     return "; ".join(parts)
+
+
+def _startup_words(limits: Mapping[str, Any]) -> list[str]:
+    """State how many clipped periods belong to a start-up step, the limit, and the remedy."""
+    words, at_start, found = [], limits.get("startup_interventions"), limits.get("held_back_limit")
+    if at_start:
+        window = f"the first {STARTUP_TICKS} ticks after a start"
+        words.append(f"{at_start} of them in {window}: a start-up step, which does not fail")
+    if found:
+        limit, value, unit = found["limit"], found["value"], found["unit"]
+        remedy = LIMIT_REMEDIES.get(limit, "Ask for less")
+        words.append(f"first clipped by the {limit} limit of {value:.4g} {unit}. {remedy}")
+    return words
 
 
 def _margin_words(limits: Mapping[str, Any]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from hoap3.tools.verify.claims import RELATIVE, Claims
 
 Rows = NDArray[np.void]
 
+STARTUP_TICKS = 200  # from the first active one, as docs/concepts.md defines a start-up step
 BEFORE = 3  # States that the differences of the first one need
 ROUNDINGS = 8  # ulp of a position, per difference
 OF_JERK = 12
@@ -81,24 +84,32 @@ def _check_jerk(
 
 
 def check_held_back(
-    stated: int | None, states: Rows, answers: Rows, robot: RobotDescription, claims: Claims
+    summary: dict[str, Any], states: Rows, answers: Rows, robot: RobotDescription, claims: Claims
 ) -> None:
     """Count the periods in which a robot that takes positions did not go to its setpoint.
 
     While it stops, or where two messages answer one tick, it is not known: these may count or not.
     """
     told = states["followed"].size and len(answers)
-    if stated is None or robot.command_kinds[0] != "position" or not told:
+    if robot.command_kinds[0] != "position" or not told:
         return
     moves = np.isin(states["mode"], (State.ACTIVE, State.STOPPING))
     ticks, first, counts = np.unique(answers["tick"], return_index=True, return_counts=True)
     followed = np.where(moves, states["followed"][:, 0], -1.0)
     known = np.isin(followed, ticks[counts == 1])
     values = answers["values"][first[np.searchsorted(ticks, followed[known])]]
-    held = int((values != states["reference"][known]).any(1).sum())
-    last, unknown = int(states["tick"][-1]), int((moves & ~known).sum())
-    claims.at_most("summary: interventions", last, held - stated, 0.0, 0.0)
-    claims.at_most("summary: interventions", last, stated - held - unknown, 0.0, 0.0)
+    held, last = np.zeros(len(states), bool), int(states["tick"][-1])
+    held[known] = (values != states["reference"][known]).any(1)
+    active, tick = states["mode"] == State.ACTIVE, states["tick"].astype(np.int64)
+    begins = active & ~np.concatenate([[False], active[:-1]])
+    since = np.maximum.accumulate(np.where(begins, tick, -STARTUP_TICKS))
+    starting = tick < since + STARTUP_TICKS
+    for name, some in (("interventions", moves), ("startup_interventions", moves & starting)):
+        if (stated := summary.get(name)) is None:
+            continue
+        found, unknown = int((held & some).sum()), int((some & ~known).sum())
+        claims.at_most(f"summary: {name}", last, found - stated, 0.0, 0.0)
+        claims.at_most(f"summary: {name}", last, stated - found - unknown, 0.0, 0.0)
 
 
 def _check_rest(states: Rows, claims: Claims) -> None:

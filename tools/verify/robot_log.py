@@ -94,8 +94,8 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims, *, hold: b
         check_motion(table, log.description, claims)
         check_body(summary, table, log.description, claims)
         _check_settings(summary, table, misses_to_stop, claims)
-        stated = summary.get("interventions") if whole and hold else None
-        check_held_back(stated, table, log.setpoints(), log.description, claims)
+        counts = summary if whole and hold else {}
+        check_held_back(counts, table, log.setpoints(), log.description, claims)
 
 
 def _check_schedule(

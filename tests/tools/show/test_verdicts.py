@@ -148,6 +148,20 @@ def test_the_joints_that_were_held_back_are_named():
     assert judge(IN_TIME, counts(4, 0), told())["limits_and_balance"]["held_back_joints"] is None
 
 
+@pytest.mark.parametrize(
+    ("at_start", "expected"),
+    [(4, "pass"), (3, "fail"), (0, "fail"), (None, "fail"), (-1, "fail"), ("4", "fail")],
+)
+def test_only_what_was_clipped_after_the_start_fails(at_start, expected):
+    limit = {"limit": "jerk", "value": 2000.0, "unit": "rad/s³"}
+    told_by_robot = {"startup_interventions": at_start, "held_back_limit": limit}
+    judged = judge(IN_TIME, {**counts(4, 0), **told_by_robot}, told())
+    assert judged["verdicts"]["limits_and_balance"] == expected
+    words = in_words(judged)["limits_and_balance"]
+    for part in ("4 periods", "jerk limit of 2000 rad/s³", "setpoint_jerk_max"):
+        assert part in words
+
+
 def test_a_safe_stop_without_any_answer_fails():
     counts = {"asked": 0, "in_time": 0, "safe_stops": 1, "interventions": 0, "torque_limited": 0}
     assert judge_reported(counts, None)["verdicts"]["deadlines"] == "fail"
