@@ -12,7 +12,11 @@ from pathlib import Path
 HOAP3, HUMANOID, UR5 = ("hoap3",), ("humanoid32",), ("ur5",)
 ARMS = ("ur5", "lwr", "baxter", "baxter_left_arm", "baxter_right_arm")
 
+DEFAULT_CONFIG = "qp12_bounded"
+"""The config that `hoap3 run`, `hoap3 soak` and `simulate` use where none is named."""
+
 PAIRS: dict[str, tuple[str, ...]] = {
+    "qp12_bounded": (*HOAP3, *HUMANOID, *ARMS),
     "qp12": (*HOAP3, *HUMANOID, *ARMS),
     "pinv": (*HOAP3, *HUMANOID, *ARMS),
     "osqp": (*HOAP3, *HUMANOID, *ARMS),
@@ -36,7 +40,6 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "hqp": ("lwr_weightless",),
     "joint_acceleration": HOAP3,
     "obstacle": HOAP3,
-    "qp12_bounded": HOAP3,
     "qp12_paper": HOAP3,
     "stable_qp_hoap3": HOAP3,
     "stable_qp_standing": ("hoap3_standing",),

@@ -22,7 +22,7 @@ from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.remote_controller.controllers.base import Controller, mismatch
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.remote_controller.pairs import configs_for, robots_for
+from hoap3.remote_controller.pairs import DEFAULT_CONFIG, configs_for, robots_for
 from hoap3.remote_controller.registry import find
 from hoap3.robot_emulator.config import EmulatorConfig, available_configs
 from hoap3.robot_emulator.config import read_config as read_emulator_config
@@ -161,7 +161,7 @@ class Simulation:
 
 def simulate(
     robot: str | Path | Mapping[str, Any] | EmulatorConfig = "hoap3",
-    controller: str | Path | Mapping[str, Any] | ControllerConfig = "qp12",
+    controller: str | Path | Mapping[str, Any] | ControllerConfig = DEFAULT_CONFIG,
     duration: float = 5.0,
     seed: int = 0,
     fate: DelayModel | None = None,

@@ -24,6 +24,7 @@ from hoap3.protocol.errors import (
     UrdfWarning,
     UsageError,
 )
+from hoap3.remote_controller.pairs import DEFAULT_CONFIG
 from hoap3.tools.cli.answers import place_of, show_answers
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
@@ -96,7 +97,7 @@ Running = Annotated[
 @app.command()
 def run(
     robot: RunRobot = None,
-    controller: RunController = "qp12",
+    controller: RunController = DEFAULT_CONFIG,
     duration: Annotated[
         float, typer.Option(min=0.001, callback=finite, help="Of the motion [s].")
     ] = 5.0,

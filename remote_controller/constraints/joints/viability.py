@@ -15,6 +15,9 @@ from hoap3.remote_controller.constraints.joints.joint_range import JointRange
 from hoap3.remote_controller.constraints.joints.reference_velocity import ReferenceVelocity
 from hoap3.remote_controller.model.kinematics import Kinematics
 
+ROUNDING = 1e-13
+"""Kept from the ends of a range by velocities, so that q + u·T is not beyond it [rad or m]."""
+
 
 class Viability(Constraint):
     """A joint always is able to stop before the end of its range; margins in rad (m if prismatic).
@@ -62,6 +65,9 @@ class Viability(Constraint):
         brake = np.minimum(brake, parameters.limit_rad_s2 or most)
         self._limits = np.array([self._range.least, self._range.greatest, speed, brake])
         self.speed_max, self.acceleration_max = self._limits[2], self._limits[3]
+        self._inside = self._limits.copy()
+        self._inside[0] += ROUNDING
+        self._inside[1] -= ROUNDING
         self._before = ReferenceVelocity(self.n, self.period_s)
         self._lower, self._upper = np.zeros((2, self.n))
         self._horizon_s = parameters.horizon_periods * self.period_s
@@ -74,7 +80,7 @@ class Viability(Constraint):
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow to what lets each joint stop in time."""
         q, before = state.reference, self._before.update(state)
-        limits = self._limits, self.period_s
+        limits = self._inside, self.period_s
         self._velocity_bounds(q, before, *limits, self._lower, self._upper)
         self._intersect_box(self._lower, self._upper, lower_out, upper_out)
         self.watch(self._range.measure(q))

@@ -99,7 +99,15 @@ class RateSettings(Settings):
 class Parameters(VelocityController.Parameters):
     """Problem (3), choice by choice."""
 
-    hints: ClassVar = {"effort": "It was renamed in 0.2: write max_speed_ratio"}
+    hints: ClassVar = {
+        "effort": "It was renamed in 0.2: write max_speed_ratio",
+        **{key: f"Write objective.{key}" for key in ("gamma", "adaptive_gamma", "gamma_slope")},
+        **{key: f"Write psi.{key}" for key in ("u_max_rad_s", "beta", "ramp_s")},
+        "psi_scale": "Write psi.form",
+        **dict.fromkeys(
+            ("point", "frame", "reference_frame", "target_m"), "Write task, or use qp12"
+        ),
+    }
 
     task: TaskSettings | None = Field(
         None, description="what V is; null: the default task of the robot"

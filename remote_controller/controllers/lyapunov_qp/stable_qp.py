@@ -91,8 +91,9 @@ class StableQpController(VelocityController):
         from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import rate_kernel
 
         task = parameters.task
-        if task is None:
-            task = default_goal(description, "task").settings
+        self._default = None if task is not None else default_goal(description, "task")
+        if self._default is not None:
+            task = self._default.settings
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.function = tasks.build(task, description, self.kinematics, file, "parameters.task")
@@ -145,6 +146,17 @@ class StableQpController(VelocityController):
         return [tasks.followed_task(task.task, task, rows, self.function.accuracy, base)][
             : rows.stop
         ]
+
+    def notes(self) -> list[str]:
+        """Add what the robot's default task moves, how far, and how fast."""
+        found, goal = super().notes(), self._default
+        if goal is not None:
+            self.kinematics.update(self.description.initial_position)
+            self.function.reset(self.kinematics, 0.0)
+            self.function.update(self.kinematics, 0.0)
+            away = float(np.linalg.norm(self.function.error))
+            found.append(f"default task: {goal.point!r} moves {away:.3g} m in {goal.reference!r}")
+        return found
 
     def parts(self) -> list[Part]:
         """Its own settings, and those of its task and of the constraints."""

@@ -96,8 +96,9 @@ def test_a_wrong_emulator_config(case: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("set_", "words"),
     [
-        ("controller.parameters.gamma=1.2", ("parameters.gamma", "1.2", "less than or equal")),
-        ("controller.parameters.gama=0.5", ("parameters.gama", "Did you mean 'gamma'?")),
+        ("controller.parameters.objective.gamma=1.2", ("objective.gamma", "1.2", "less than")),
+        ("controller.parameters.objective.gama=1", ("gama", "Did you mean 'gamma'?")),
+        ("controller.parameters.gamma=0.5", ("parameters.gamma", "Write objective.gamma")),
         ("controller.parameters.gamma", ("--set", "is not key=value", "Write --set a.b=1")),
         ("emulator.plant=[", ("--set", "plant", "is not a YAML value")),
         ("emulator.robot.deep.er=1", ("--set", "'robot' has no keys below it")),
@@ -170,7 +171,7 @@ def arm(folder: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_robot_without_a_default_task(tmp_path: Path) -> None:
-    words = ("qp12.yaml", "parameters.target_m", "'arm3' has no default task", "robot.yaml")
+    words = ("qp12_bounded.yaml", "parameters.task", "'arm3' has no default task", "robot.yaml")
     robot = arm(tmp_path)
     refusal(inside(*LOCKSTEP, "--robot", robot), *words)
     apart = hoap3("run", "--duration", "1", "--robot", robot)
@@ -193,12 +194,13 @@ def test_a_config_of_another_robot_says_so(tmp_path: Path) -> None:
     apart.assert_no_orphan()
     nobody = written(
         tmp_path,
-        "controller: qp12\nparameters: {frame: r_soul}\n",  # names no robot: any will do
+        "controller: qp12\n"  # names no robot: any will do
+        "parameters: {point: com, reference_frame: r_soul}\n",
     )
     done = inside("run", "--lockstep", "--robot", arm(tmp_path), "--controller", nobody)
     refusal(done, "'arm3' has no such frame")
     assert "another robot" not in done.stderr
-    soul = ("--set", "controller.parameters.frame=r_soul")
+    soul = ("--set", "controller.parameters={point: com, reference_frame: r_soul}")
     done = inside("run", "--lockstep", "--robot", "hoap3", "--controller", "qp12", *soul)
     refusal(done, "'hoap3' has no such frame")
     assert "another robot" not in done.stderr  # it is the one that the config names

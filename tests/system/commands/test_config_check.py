@@ -16,7 +16,10 @@ TASK = "{task: com, parameters: {target: {kind: point, position_m: [0.01, 0.025,
 FAST = "{constraint: joint_position, parameters: {eta_per_s: 5000}}"
 ROBOT = "robot: hoap3\n"
 WRONG_FOR_HOAP3 = {
-    "unknown frame": ("controller: qp12\nparameters: {frame: r_soul}\n", "r_soul"),
+    "unknown frame": (
+        "controller: qp12\nparameters: {point: com, reference_frame: r_soul}\n",
+        "r_soul",
+    ),
     "too fast a rate": (
         f"controller: stable_qp\nparameters: {{task: {TASK}, constraints: [{FAST}]}}\n",
         "η·T = 5",

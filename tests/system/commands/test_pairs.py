@@ -14,7 +14,14 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import CONFIGS, available_configs, build
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.pairs import HELD_BACK, PAIRS, POSTURES, configs_for, robots_for
+from hoap3.remote_controller.pairs import (
+    DEFAULT_CONFIG,
+    HELD_BACK,
+    PAIRS,
+    POSTURES,
+    configs_for,
+    robots_for,
+)
 from hoap3.remote_controller.tasks.com import ComTask
 from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
 from hoap3.robot_emulator.config import available_configs as emulator_configs
@@ -139,8 +146,8 @@ def test_a_pair_that_is_not_in_it_names_configs_that_are(config, robot):
 
 
 def test_the_default_run_gets_within_a_millimetre_and_stays_within_its_limits():
-    """Of HOAP-3 and `qp12`: no joint chatters, and the centre of mass stays over the sole."""
-    lockstep, answers = run("qp12", "hoap3", 5.0)
+    """Of HOAP-3: no joint chatters, and the centre of mass stays over the sole."""
+    lockstep, answers = run(DEFAULT_CONFIG, "hoap3", 5.0)
     summary = lockstep.robot.summary()
     assert summary["interventions"] == 0
     assert error_of(answers)[-1] < 1e-3
@@ -175,13 +182,10 @@ def test_the_target_is_seen_from_where_the_robot_starts():
 
 def test_what_a_config_names_comes_before_the_default_task():
     robot = describe(emulator_settings("ur5", 0))
-    named = {"point": "wrist_1_link", "frame": "base", "target_m": [-0.5, -0.1, 0.4]}
+    named = {"point": "wrist_1_link", "reference_frame": "base", "target_m": [-0.5, -0.1, 0.4]}
     law = build(controller_settings({"controller": "qp12", "parameters": named}), robot)
     assert isinstance(law.task, FramePositionTask)
     np.testing.assert_array_equal(law.task.target, named["target_m"])
-    del named["point"]
-    law = build(controller_settings({"controller": "qp12", "parameters": named}), robot)
-    assert isinstance(law.task, ComTask), "as before there were default tasks"
 
 
 def test_a_log_from_before_there_were_default_tasks_is_of_the_centre_of_mass():
@@ -193,7 +197,7 @@ def test_a_log_from_before_there_were_default_tasks_is_of_the_centre_of_mass():
     np.testing.assert_array_equal(law.task.target, [0.01, 0.025, 0.2869])
 
 
-@pytest.mark.parametrize("parameters", [{}, {"frame": "r_sole"}])
+@pytest.mark.parametrize("parameters", [{}, {"point": "com", "reference_frame": "r_sole"}])
 def test_another_robot_with_such_a_sole_does_not_get_its_target(parameters):
     robot = describe(emulator_settings("hoap3", 0))
     other = robot.model_copy(update={"name": "walker", "default_task": None})

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hoap3.protocol.errors import UsageError
+from hoap3.remote_controller.pairs import DEFAULT_CONFIG
 from hoap3.tools.cli.options import (
     AsJson,
     NoRealtime,
@@ -42,7 +43,7 @@ def soak(
         ),
     ] = None,
     robot: RunRobot = None,
-    controller: RunController = "qp12",
+    controller: RunController = DEFAULT_CONFIG,
     out: Annotated[
         Path | None,
         typer.Option("--out", help="Folder for logs and results; default: a new one in logs/."),
