@@ -7,7 +7,7 @@ no limits, or 0 0     a revolute joint turns without end; a prismatic one is ref
 no effort, or 0       none: the robot takes no torques
 no inertia            only positions are commanded, where nothing that moves has one
 start posture         `zero`: each joint at 0, or at the limit nearest to it
-default task          the tip of the longest chain moves by up to 5 cm, see `tip`
+default task          the tool, see `tip`, moves by up to 5 cm
 ====================  ============================================================================
 """
 
@@ -63,6 +63,8 @@ def import_robot(
     *,
     called: str | None = None,
     strict: bool = False,
+    tip: str | None = None,
+    lock_joints: Sequence[str] = (),
 ) -> ImportedRobot:
     """Make a robot of a vendor's URDF.
 
@@ -71,9 +73,11 @@ def import_robot(
         package_path: folders in which `package://` is looked for first.
         called: the robot's name; by default as near to the stated one as can be.
         strict: a mesh that cannot be found or read is an error.
+        tip: the link that the default task moves; None: see `tip`.
+        lock_joints: joints that become fixed, each as NAME or NAME=VALUE [rad or m].
 
     Raises:
-        ConfigError: a file cannot be read.
+        ConfigError: a file cannot be read, or there is no such tip, or no such joint to lock.
         DescriptionError: something in it cannot be what it says; names the link or the joint.
         NotInstalledError: it needs a library that is not installed.
     """
@@ -82,12 +86,12 @@ def import_robot(
         raise ConfigError("--name", "", called, "is no name for the network", remedy)
     try:
         source, notes = read_source(name, package_path), Notes()
-        parts = sanitize(source, notes, called, strict=strict)
+        parts = sanitize(source, notes, called, lock_joints, strict=strict)
         file = RobotFile(name=parts.name, urdf=f"{parts.name}.urdf", joints=_entries(parts, notes))
         robot = describe(file, parts.urdf)
         file = file.model_copy(update={"command_kinds": _commands(robot, notes)})
         robot = describe(file, parts.urdf)
-        file = file.model_copy(update={"default_task": _task(robot, notes)})
+        file = file.model_copy(update={"default_task": _task(robot, notes, tip)})
         robot = describe(file, parts.urdf)
         _note_the_rest(parts, robot, notes)
     except DescriptionError as error:
@@ -129,14 +133,14 @@ def _commands(robot: RobotDescription, notes: Notes) -> tuple[CommandKind, ...]:
     return ("position", "acceleration", "torque")
 
 
-def _task(robot: RobotDescription, notes: Notes) -> DefaultTaskEntry | None:
-    task = default_task(robot)
+def _task(robot: RobotDescription, notes: Notes, tip: str | None) -> DefaultTaskEntry | None:
+    task = default_task(robot, tip)
     if task is None:
         notes.add("left out", "no default task, because no joint moves the origin of a link")
         return None
     x, y, z = task.move_m or (0.0, 0.0, 0.0)
     text = (
-        f"default task: {task.point!r}, the tip of the longest chain, moves by {x:g}, {y:g}, {z:g} "
+        f"default task: {task.point!r}, the tool, moves by {x:g}, {y:g}, {z:g} "
         "m, to where its joints can bring it"
     )
     notes.add("guessed", text)
