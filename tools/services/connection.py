@@ -351,7 +351,8 @@ class Connection:
             with self._steering:  # so that nobody releases in between
                 self._held()
                 found = self._acquire()
-            self._refused = sent.check_refused(found["refused"], self._refused)
+            before, self._refused = self._refused, found["refused"]
+            sent.check_refused(found["refused"], before)
             if sent.is_reached(found, self._number, self._control("tasks")["tasks"]):
                 return True
             if over:

@@ -87,17 +87,17 @@ def check_limits(points: np.ndarray[Any, Any], target: Mapping[str, Any]) -> Non
                 )
 
 
-def check_refused(refused: dict[str, int], before: Mapping[str, int]) -> dict[str, int]:
-    """Return how many messages a controller has refused, by reason.
+def check_refused(refused: Mapping[str, int], before: Mapping[str, int]) -> None:
+    """Raise if a controller has refused messages since `before`, by reason.
 
     Raises:
-        UsageError: it has refused others than `before`.
+        UsageError: it has.
     """
-    new = {name: n - before.get(name, 0) for name, n in refused.items() if n > before.get(name, 0)}
+    new = [f"{name}: {n}" for name, n in refused.items() if n > before.get(name, 0)]
     if new:
-        found = ", ".join(f"{name}: {n}" for name, n in new.items())
-        raise UsageError(f"the controller refused messages ({found}): send such targets again")
-    return refused
+        raise UsageError(
+            f"the controller refused messages ({', '.join(new)}): send such targets again"
+        )
 
 
 def is_reached(grant: Mapping[str, Any], number: int, errors: list[Mapping[str, Any]]) -> bool:

@@ -164,9 +164,8 @@ def _kinds(elements: list[ET.Element], locked: dict[str, float], notes: Notes) -
             master, where = str(mimic.get("joint")), f"URDF joint {name!r:.80}"
             if kinds[by_name.get(master, number)] == "fixed":
                 ratio, offset = (figure(mimic, key, where) for key in ("multiplier", "offset"))
-                value = locked.get(master, 0.0) * (1.0 if ratio is None else ratio) + (
-                    offset or 0.0
-                )
+                ratio = 1.0 if ratio is None else ratio
+                value = ratio * locked.get(master, 0.0) + (offset or 0.0)
                 notes.add("read", AFTER_OTHERS, f"{name} at {value:g}" if value else name)
                 kinds[number], locked[name], changed = "fixed", value, True
     return kinds

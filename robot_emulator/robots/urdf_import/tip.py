@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -61,7 +60,7 @@ def chains(structure: UrdfStructure) -> dict[str, tuple[str, ...]]:
 def candidates(structure: UrdfStructure) -> list[str]:
     """Links that move, the likeliest tool first; ties as in the file."""
     above = chains(structure)
-    grips = _gripper_joints(structure, above)
+    grips = _gripper_joints(structure)
     arms = {link: _arm(joints, grips) for link, joints in above.items()}
     longest = max(map(len, arms.values()))
     firsts = [joints[len(arms[link])] for link, joints in above.items() if joints != arms[link]]
@@ -81,20 +80,14 @@ def _tool_rank(link: str) -> int:
     return next((i for i, tool in enumerate(TOOLS) if tool in words), len(TOOLS))
 
 
-def _gripper_joints(structure: UrdfStructure, above: Mapping[str, Sequence[str]]) -> set[str]:
+def _gripper_joints(structure: UrdfStructure) -> set[str]:
     """Return joints that may be of a gripper: short sliders, followers, and masters that branch."""
     moved, masters = structure.moved, {each.master for each in structure.followers.values()}
     beside = Counter(joint.parent for joint in moved.values())
-    elsewhere = {
-        each.master
-        for each in structure.followers.values()
-        if each.master not in above[moved[each.name].parent]
-    }
     return {
         name
         for name, joint in moved.items()
         if joint.mimic is not None
-        or name in elsewhere
         or (name in masters and beside[joint.parent] > 1)
         or (joint.kind == "prismatic" and (joint.upper or 0.0) - (joint.lower or 0.0) <= GRIP_M)
     }
@@ -131,7 +124,8 @@ def default_task(robot: RobotDescription, tip: str | None = None) -> DefaultTask
             x, y, z = np.round(move, DIGITS).tolist()
             return DefaultTask(point=link, reference=structure.root, move_m=(x, y, z))
     if tip is not None:
-        remedy = one_of(tip, candidates(structure), "Links that joints move")
+        others = [link for link in candidates(structure) if link != tip]
+        remedy = one_of(tip, others, "Links that joints move")
         raise ConfigError("--tip", "", tip, "is no link whose origin a joint moves", remedy)
     return None
 
