@@ -9,7 +9,7 @@ from collections.abc import Iterable
 def split_key(key: str) -> list[str]:
     """Return the parts of a dotted key; of one with wrong quotes, itself."""
     try:
-        return next(csv.reader([key], delimiter=".", strict=True), [])
+        return next(csv.reader([key], delimiter=".", strict=True)) or [key]
     except csv.Error:
         return [key]
 

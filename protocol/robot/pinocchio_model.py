@@ -183,6 +183,16 @@ def one_coordinate_each(description: RobotDescription) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
+def moved_origin(
+    xyz: NDArray[np.float64], rpy: NDArray[np.float64], twist: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Origin of a URDF after a motion in its own axes, (6,) [m, rad]: its `xyz` and `rpy`."""
+    import pinocchio as pin
+
+    placed = pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz) * pin.exp6(twist)
+    return np.array(placed.translation), roll_pitch_yaw(placed.rotation)
+
+
 def roll_pitch_yaw(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """As a URDF writes a rotation R = Rz(yaw)·Ry(pitch)·Rx(roll), (3, 3): `rpy`, (3,) [rad]."""
     import pinocchio as pin

@@ -39,13 +39,7 @@ from hoap3.protocol.errors import (
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 from hoap3.tools.services import sent
-from hoap3.tools.services.client import (
-    check_right,
-    client_settings,
-    place_of,
-    unanswered,
-    wait_for,
-)
+from hoap3.tools.services.client import check_right, client_settings, place_of, unanswered, wait_for
 from hoap3.tools.services.find_robot import reach_robot
 from hoap3.tools.show.event_words import EVENT_NAMES, in_words
 

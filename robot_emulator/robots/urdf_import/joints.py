@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hoap3.protocol.errors import ConfigError, DescriptionError, did_you_mean, one_of
-from hoap3.protocol.robot.pinocchio_model import roll_pitch_yaw
+from hoap3.protocol.robot.pinocchio_model import moved_origin
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, written
 from hoap3.robot_emulator.robots.urdf_import.followers import AGAINST_MASTER, relax_followers
 from hoap3.robot_emulator.robots.urdf_import.names import joint_names
@@ -136,17 +136,14 @@ def _room(joint: ET.Element) -> tuple[float, float]:
 
 def _move_origin(element: ET.Element, new: ET.Element, value: float, where: str) -> None:
     """Put a joint's origin where its position brings what it carries."""
-    import pinocchio as pin
-
     origin, axis = new.find("origin"), element.find("axis")
     origin = ET.SubElement(new, "origin") if origin is None else origin
     xyz, rpy = (triple(origin, key, where, 0.0) for key in ("xyz", "rpy"))
     along = np.array([1.0, 0.0, 0.0]) if axis is None else triple(axis, "xyz", where, 1.0)
     twist = np.zeros((2, 3))
     twist[int(element.get("type") != "prismatic")] = value * along / (np.linalg.norm(along) or 1.0)
-    placed = pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz) * pin.exp6(twist.ravel())
-    origin.set("xyz", written(placed.translation))
-    origin.set("rpy", written(roll_pitch_yaw(placed.rotation)))
+    for key, values in zip(("xyz", "rpy"), moved_origin(xyz, rpy, twist.ravel()), strict=True):
+        origin.set(key, written(values))
 
 
 def _kinds(elements: list[ET.Element], locked: dict[str, float], notes: Notes) -> list[str]:

@@ -56,7 +56,7 @@ def joint_names(stated: list[str], notes: Notes) -> dict[str, str]:
 
 def rename_links(robot: ET.Element, notes: Notes) -> None:
     """Rename the links of a URDF whose names have a meaning of their own here."""
-    taken = {link.get("name") for link in robot.findall("link")}
+    taken = {link.get("name", "") for link in robot.findall("link")}
     for name in sorted(taken & RESERVED["link"]):
         new = f"{name}_link"
         while new in taken:
