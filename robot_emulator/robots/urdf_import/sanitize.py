@@ -45,12 +45,7 @@ class Sanitized:
 
 
 def sanitize(
-    source: Source,
-    notes: Notes,
-    name: str | None = None,
-    lock: Sequence[str] = (),
-    *,
-    strict: bool,
+    source: Source, notes: Notes, name: str | None = None, lock: Sequence[str] = (), *, strict: bool
 ) -> Sanitized:
     """Make a URDF that can travel.
 
