@@ -122,11 +122,17 @@ class Steered(Answer):
     Attributes:
         name: of the target.
         dimension, rates: numbers of a point, and of a rate.
+        lower, upper: limits of its first numbers, null where there is none.
+        at_rest: whether it has come to the end of what was sent; None: not known.
     """
 
     name: str
     dimension: Annotated[int, Field(ge=1, le=65_536)]
     rates: Annotated[int, Field(ge=1, le=65_536)]
+    layout: list[str] = []
+    lower: list[float | None] = []
+    upper: list[float | None] = []
+    at_rest: bool | None = None
 
 
 class OperatorAnswer(Answer):

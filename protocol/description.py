@@ -122,7 +122,9 @@ class RobotDescription(Part):
             raise DescriptionError(
                 f"robot description: not JSON ({error}). Send what to_json() returns."
             ) from error
-        return cls.model_validate(data)
+        found = cls.model_validate(data)
+        found.check_moves()
+        return found
 
     def to_json(self) -> bytes:
         """Canonical JSON: sorted keys, no blanks, ASCII; no optional key that has its default."""
@@ -242,7 +244,7 @@ class RobotDescription(Part):
         """Refuse a description whose pieces do not agree with each other."""
         if not _ROBOT_NAME.fullmatch(self.name):
             refuse("name", self.name, f"It must match {_ROBOT_NAME.pattern}.")
-        if not 1 <= self.n <= MAX_JOINTS:
+        if not 1 <= self.n <= MAX_JOINTS and (self.n or self.structure.movable):
             refuse("joints", f"{self.n} joints", f"Give 1 to {MAX_JOINTS}.")
         if not 0.0 < self.period_s <= 1.0:
             refuse("period_s", self.period_s, "Write seconds, such as 0.001.")
@@ -263,6 +265,18 @@ class RobotDescription(Part):
         self._check_dynamics()
         if len(self.to_json()) > MAX_BYTES:
             refuse("description", f"{len(self.to_json())} bytes", f"At most {MAX_BYTES}.")
+
+    def check_moves(self) -> None:
+        """Refuse a robot without a joint that moves, as where an import has locked all of them.
+
+        Raises:
+            DescriptionError: it has none.
+        """
+        if not self.n:
+            raise DescriptionError(
+                f"robot {self.name!r}: all joints are fixed, so there is nothing to control. Give "
+                "one of them limits with room between them in its URDF."
+            )
 
     def check_mass(self) -> None:
         """Refuse a robot without a centre of mass.
@@ -302,7 +316,7 @@ class RobotDescription(Part):
                 remedy = did_you_mean(name, known, "Leave it out.")
                 refuse("state_arrays", name, remedy)
             one, most = known[name]
-            if length % one or not 0 <= length <= most:
+            if length % (one or 1) or not 0 <= length <= most:
                 allowed = f"0 or {one}" if one == most else f"multiples of {one} up to {most}"
                 refuse(f"state_arrays.{name}", length, f"It must be {allowed}.")
 

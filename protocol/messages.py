@@ -333,6 +333,12 @@ class State(Message):
         message.followed[:] = -1.0
         return message
 
+    def __repr__(self) -> str:
+        names = ("IDLE", "ACTIVE", "STOPPING", "STOPPED")[self.mode : self.mode + 1] or (self.mode,)
+        arrays = {name: np.round(getattr(self, name), 4).tolist() for name in self.schema.arrays}
+        shown = {"tick": self.tick, "mode": names[0], **arrays}
+        return f"State({', '.join(f'{name}={each}' for name, each in shown.items() if each != [])})"
+
 
 class Setpoint(Message):
     """The controller's answer to one State; see `msg/Setpoint.msg`.

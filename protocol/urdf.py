@@ -29,7 +29,8 @@ MAX_NUMBER = 64  # characters
 CONTINUOUS = "continuous"
 MOVABLE = ("revolute", CONTINUOUS, "prismatic")
 SHAPES = ("box", "cylinder", "sphere")
-RESERVED = "universe"  # Pinocchio's own name for joint 0 and for the world frame
+RESERVED = {"joint": {"universe"}, "link": {"universe", "com"}}
+"""Names with a meaning of their own: Pinocchio's joint 0 and world, the centre of mass in tasks."""
 
 _WRITE_INSTEAD = {
     "floating": "Remove it: the base is fixed, the root link stands for it.",
@@ -245,7 +246,7 @@ def _name(element: ET.Element) -> str:
             f"URDF {element.tag}: the name {name[:40]!r}… has {len(name)} characters. Write at "
             f"most {MAX_NAME}."
         )
-    if name == RESERVED:
+    if name in RESERVED[element.tag]:
         raise DescriptionError(f"URDF {element.tag} {name!r}: a reserved name. Choose another.")
     return name
 

@@ -89,7 +89,10 @@ class Steering:
             "period_s": self._period,
             "lease_s": LEASE_S,
             "newest": self._newest,
-            "targets": [each.as_json() for each in self._live],
+            "targets": [
+                {**each.as_json(), "at_rest": each.is_at_rest(tick * self._period)}
+                for each in self._live
+            ],
             **self.counts(self._before),
         }
 

@@ -140,6 +140,12 @@ class EmulatorConfig(Settings):
     """One robot emulator."""
 
     robot: str = Field("hoap3", description="shipped robot, or path of a description or a URDF")
+    tip: str | None = Field(
+        None, description="of a URDF: link that the default task moves; null: the likeliest tool"
+    )
+    lock_joints: tuple[str, ...] = Field(
+        (), description="of a URDF: joints that become fixed, each as NAME or NAME=VALUE [rad or m]"
+    )
     name: RobotName | None = Field(None, description="name on the network; default: the robot's")
     posture: str | None = Field(None, description="start posture; default: the description's")
     command: CommandKind | None = Field(

@@ -55,7 +55,8 @@ def describe(
     Raises:
         UsageError: there is no such robot, or it has not what is configured.
     """
-    description = robot or load_configured(config.robot, file)
+    description = robot or load_configured(config.robot, file, config.tip, config.lock_joints)
+    description.check_moves()
     if config.posture is not None:
         if config.posture not in description.postures:
             known = f"Known: {', '.join(sorted(description.postures))}"

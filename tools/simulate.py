@@ -247,7 +247,7 @@ def suited(
         return emulator, describe(emulator, files[0])
     gives, robot = (
         find(controller.controller, files[1]).commands,
-        load_configured(emulator.robot, files[0]),
+        load_configured(emulator.robot, files[0], emulator.tip, emulator.lock_joints),
     )
     for kind in gives:
         if kind in robot.command_kinds:

@@ -22,6 +22,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
+from hoap3.protocol.config.dotted_keys import split_key
 from hoap3.protocol.config.endpoints import Endpoint, beyond_this_machine, over_tls
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
@@ -32,6 +33,7 @@ from hoap3.protocol.errors import ConfigError
 
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
+_ASSIGNED = re.compile(r'((?:"[^"]*"|[^"=])+)=')
 STANDARD_OUTPUT = "stdout"
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
@@ -281,7 +283,7 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
 def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
     """A copy of `content` with each `dotted.key=value` of `overrides` set; values are YAML.
 
-    The entries of a list are counted from 0.
+    The entries of a list are counted from 0. A part of the key with a dot in it stands in quotes.
 
     Raises:
         ConfigError: no `=`, a key below something that has none, an entry that a list does not
@@ -289,10 +291,14 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
     """
     result: dict[str, Any] = copy.deepcopy(content)
     for override in overrides:
-        key, equals, text = override.partition("=")
-        parts = key.strip().split(".")
-        if not equals or not all(parts):
-            raise ConfigError("--set", key, override, "is not key=value", "Write --set a.b=1")
+        found = _ASSIGNED.match(override)
+        key = (found[1] if found else override.partition("=")[0]).strip()
+        parts, text = split_key(key), override[found.end() if found else 0 :]
+        if found is None or not all(parts):
+            remedy = (
+                "Write --set a.b=1; a part with a dot in it stands in quotes: --set 'a.\"b.c\"=1'"
+            )
+            raise ConfigError("--set", key, override, "is not key=value", remedy)
         if len(parts) > MAX_PARTS:
             problem = f"has {len(parts)} parts, at most {MAX_PARTS}"
             raise ConfigError("--set", key, None, problem, "Write --set a.b=1")

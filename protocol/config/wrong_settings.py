@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from hoap3.protocol.config.dotted_keys import join_key
 from hoap3.protocol.errors import LONGEST_GUESS, ConfigError
 
 LIKE = 0.6  # the least likeness, of 1, of a key that is suggested,
@@ -119,7 +120,7 @@ def _in_words(
 ) -> ConfigError:
     """One of the errors; those of other members of a union at the same place are told with it."""
     path = _written(content, error)
-    key = ".".join([prefix, *path] if prefix else path)
+    key = ".".join(filter(None, (prefix, join_key(path))))
     if error["type"] == "extra_forbidden":
         known = _keys_at(model, path[:-1])
         close = _nearest_key(path[-1], known)

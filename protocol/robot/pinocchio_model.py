@@ -81,6 +81,23 @@ class RobotModel:
         placed = pin.updateFramePlacement(self.model, self.data, self.frame_id(frame))
         return np.asarray(placed.actInv(com))
 
+    def pose_in(self, frame: str, reference: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pose of a frame at `q`, (n,) in wire order, as seen from another one.
+
+        Returns:
+            (7,) x, y, z [m] and a unit quaternion qx, qy, qz, qw.
+
+        Raises:
+            FrameNotFoundError: no link is called so.
+        """
+        import pinocchio as pin
+
+        ours = np.zeros(self.model.nq)
+        ours[self.order] = self.followers.positions(q) if self.followers else q
+        pin.framesForwardKinematics(self.model, self.data, ours)
+        placed, seen_from = (self.data.oMf[self.frame_id(name)] for name in (frame, reference))
+        return np.asarray(pin.SE3ToXYZQUAT(seen_from.actInv(placed)))
+
 
 def build_model(description: RobotDescription) -> RobotModel:
     """Build the model of a described robot.
@@ -164,6 +181,16 @@ def one_coordinate_each(description: RobotDescription) -> str:
         limit.set("lower", str(-SOME_RANGE))
         limit.set("upper", str(SOME_RANGE))
     return ET.tostring(robot, encoding="unicode")
+
+
+def moved_origin(
+    xyz: NDArray[np.float64], rpy: NDArray[np.float64], twist: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Origin of a URDF after a motion in its own axes, (6,) [m, rad]: its `xyz` and `rpy`."""
+    import pinocchio as pin
+
+    placed = pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz) * pin.exp6(twist)
+    return np.array(placed.translation), roll_pitch_yaw(placed.rotation)
 
 
 def roll_pitch_yaw(rotation: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,8 +14,9 @@ from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import CommandKind, RobotDescription
-from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
+from hoap3.protocol.errors import BadProblemError, ConfigError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State
+from hoap3.protocol.urdf import first_twice
 from hoap3.remote_controller.controllers import certificate
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
@@ -139,6 +140,10 @@ class Controller(ABC):
         self.description, self.parameters = description, parameters
         self._changes: Changes | None = None
         self.now: Callable[[], int] = time.monotonic_ns
+        twice = first_twice(self.extra_names)
+        if twice is not None:
+            remedy = "Rename a task, or a column of the controller"
+            raise ConfigError("", "", twice, "two columns of the log have this name", remedy)
         self.command = Setpoint(description.n, len(self.extra_names), **self.arrays)
         self.command.solver_status = STATUS["none"]
         self.kind = agreed(self.commands, description)

@@ -16,6 +16,7 @@ BASE = 6
 """Coordinates of the base, before the joints."""
 POSE_OF_BASE, STATE_OF_BASE = 7, 13
 COM_FRAME = -1
+FREE_BASE = "free base"  # no joint of a robot has a blank in its name
 
 
 class FreeDynamics:
@@ -63,7 +64,7 @@ class FreeDynamics:
         fixed = build_model(description)  # which says what is wrong with the URDF
         self._pin, self._robot, n = pin, fixed, description.n
         urdf = one_coordinate_each(description)
-        self._model = model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+        self._model = model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer(), FREE_BASE)
         self._followers, names = fixed.followers, list(description.joint_names)
         if fixed.followers is not None:
             names += fixed.followers.names

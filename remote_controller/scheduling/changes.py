@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from hoap3.protocol.config.dotted_keys import join_key, split_key
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.errors import ConfigError, located, nearest
 from hoap3.remote_controller.scheduling.numbers import (
@@ -194,7 +195,7 @@ class Changes:
         """
         found: dict[str, tuple[str, Number, Any]] = {}
         for path, number, value in asked:
-            key = ".".join(path)
+            key = join_key(path)
             if number.key in found:
                 first = found[number.key][0]
                 problem = f"is the same number as {first}, which this change has, too"
@@ -205,7 +206,9 @@ class Changes:
     def _asked(self, node: Mapping[str, Any], prefix: Path) -> Iterator[tuple[Path, Number, Any]]:
         """Each number that is named, as it is, with what it shall be."""
         for key, value in node.items():
-            path = (*prefix, *str(key).split("."))
+            path = (*prefix, str(key))
+            if not self._begins(path):
+                path = (*prefix, *split_key(str(key)))
             number = self._known.get(path)
             if number is not None:
                 yield path, number, value
@@ -218,7 +221,7 @@ class Changes:
         return any(known[: len(path)] == path for known in self._known)
 
     def _refused(self, path: Path, value: Any) -> ConfigError:
-        key = ".".join(path)
+        key = join_key(path)
         problem = "unknown key"
         if self._begins(path):
             problem = "has numbers below it"
@@ -261,7 +264,7 @@ class Changes:
         for end in range(len(keys), 0, -1):
             place = tuple(int(key) if key.isdecimal() else key for key in keys[:end])
             if place in self._words:
-                keys[:end] = self._words[place]
+                keys[:end] = [join_key([word]) for word in self._words[place]]
                 break
         others = [self._in_words(each) for each in error.others]
         key, problem, remedy = ".".join(keys), error.problem, error.remedy

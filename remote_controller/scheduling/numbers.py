@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hoap3.protocol.config.changeable import is_changeable
+from hoap3.protocol.config.dotted_keys import join_key
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import ConfigError
 
@@ -68,7 +69,7 @@ class Number:
     @property
     def key(self) -> str:
         """What people call it."""
-        return ".".join(self.path)
+        return join_key(self.path)
 
     def read(self) -> Any:
         """What it is now."""

@@ -7,6 +7,7 @@ path of such a folder or YAML file, or a callable that returns a `RobotDescripti
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
@@ -35,7 +36,9 @@ def available() -> list[str]:
     return sorted(_shipped() | entry_points(group=GROUP).names)
 
 
-def load(name_or_path: str | Path) -> RobotDescription:
+def load(
+    name_or_path: str | Path, *, tip: str | None = None, lock_joints: Sequence[str] = ()
+) -> RobotDescription:
     """Describe a robot.
 
     Args:
@@ -43,6 +46,8 @@ def load(name_or_path: str | Path) -> RobotDescription:
             comes before a folder of the same name; write `./name` for the folder. Or a vendor's
             URDF or xacro file, or `robot_descriptions:NAME`; what was guessed of it is said by
             an `UrdfWarning` each.
+        tip: of a vendor's file: the link that the default task moves; None: the likeliest tool.
+        lock_joints: of such a file: joints that become fixed, each as NAME or NAME=VALUE.
 
     Raises:
         UnknownNameError: neither a known name nor a path; carries the nearest name.
@@ -51,7 +56,11 @@ def load(name_or_path: str | Path) -> RobotDescription:
         NotInstalledError: the robot needs a library that is not installed.
     """
     if is_source(name_or_path):
-        return _imported(name_or_path)
+        return _imported(name_or_path, tip, lock_joints)
+    for option, value in (("--tip", tip), ("--lock-joint", (*lock_joints, None)[0])):
+        if value is not None:
+            remedy = "Write default_task into its robot.yaml, or import its URDF with this option"
+            raise ConfigError(option, "", value, f"is for URDF files, not {name_or_path}", remedy)
     if isinstance(name_or_path, str):
         if name_or_path in _shipped():
             return read_robot(_FOLDER / name_or_path / FILE)
@@ -65,7 +74,9 @@ def load(name_or_path: str | Path) -> RobotDescription:
     return read_robot(path / FILE if path.is_dir() else path)
 
 
-def load_configured(name: str, file: str) -> RobotDescription:
+def load_configured(
+    name: str, file: str, tip: str | None = None, lock_joints: Sequence[str] = ()
+) -> RobotDescription:
     """`load` of what the key `robot` of a config names; that there is none is said of that key.
 
     Raises:
@@ -75,7 +86,7 @@ def load_configured(name: str, file: str) -> RobotDescription:
         remedy = "Name a robot's folder, its YAML file or a URDF; paths count from the config"
         raise ConfigError(file, "robot", name, "no such file or folder", remedy)
     try:
-        return load(name)
+        return load(name, tip=tip, lock_joints=lock_joints)
     except NotInstalledError:
         raise
     except UnknownNameError as error:
@@ -95,11 +106,11 @@ def find_file(name_or_path: str | Path) -> Path | None:
     return path / FILE if path.is_dir() else path
 
 
-def _imported(name: str | Path) -> RobotDescription:
+def _imported(name: str | Path, tip: str | None, lock_joints: Sequence[str]) -> RobotDescription:
     """The robot of a vendor's URDF; each finding is a warning, which Python shows once."""
     from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
 
-    found = import_robot(name)
+    found = import_robot(name, tip=tip, lock_joints=lock_joints)
     for note in found.notes:
         warnings.warn(f"{Path(name).name}: {note}", UrdfWarning, stacklevel=1)
     return found.description

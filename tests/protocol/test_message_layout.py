@@ -296,3 +296,15 @@ def test_no_bytes_raise_anything_but_a_wire_error(payload):
 def test_a_message_tells_how_long_its_arrays_are(kind: str) -> None:
     message = numbered(kind)
     assert message.lengths == message.schema.lengths_in(message.dump())
+
+
+def test_a_state_is_shown_with_its_mode_and_its_numbers():
+    state = State(2)
+    state.tick, state.mode = 7, State.STOPPED
+    state.q[:] = 0.123456, -1.0
+    shown = repr(state)
+    for part in ("tick=7", "mode=STOPPED", "q=[0.1235, -1.0]", "dq=[0.0, 0.0]"):
+        assert part in shown
+    assert "wrench" not in shown
+    state.mode = 9
+    assert "mode=9" in repr(state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -215,6 +216,19 @@ def test_numbers_do_not_change_together_with_priorities_or_weights(law, request_
     with pytest.raises(UsageError, match="two changes"):
         controller.change(request_)
     assert controller.changeable() == before
+
+
+def test_a_task_that_is_known_by_its_class_changes_by_that_name():
+    case = controller_case("clik_ur5", None)
+    name = "hoap3.remote_controller.tasks.posture:PostureTask"
+    tasks = [{"task": name, "gain_per_s": 1.0}]
+    controller = built(case, with_parameters(case.config, tasks=tasks))
+    key = f'tasks."{name}".gain_per_s'
+    assert key in {each["key"] for each in controller.numbers()}
+    controller.change({key: 2.0})
+    controller.change({"tasks": {name: {"gain_per_s": 3.0}}})
+    with pytest.raises(UsageError, match=re.escape(key)):
+        controller.change({key: -1.0})
 
 
 def test_a_limit_of_speed_that_others_reckon_with_is_only_lowered():

@@ -54,6 +54,18 @@ def test_an_operator_is_told_which_of_its_messages_came_last():
     assert it.acquire(OTHER, 3, 12)["newest"] == 0
 
 
+def test_an_operator_is_told_limits_and_when_what_it_sent_has_come_to_rest():
+    it = steering()
+    (target,) = it.acquire(ME, 3, 0)["targets"]
+    assert (target["lower"], target["upper"]) == ([-1.0] * 3, [1.0] * 3)
+    assert target["at_rest"]
+    sent = message(epoch=it.acquire(ME, 3, 0)["epoch"])
+    sent.values[:] = 0.2, 0.0, 0.0
+    assert it.take(ME, sent.dump(), 10, following=True)
+    at_rest = {tick: it.acquire(ME, 3, tick)["targets"][0]["at_rest"] for tick in (11, 700, 2000)}
+    assert at_rest == {11: False, 700: False, 2000: True}  # 0.2 m at 0.25 m/s takes 0.8 s or more
+
+
 def test_messages_that_never_arrived_are_counted_by_the_gaps_between_numbers():
     it = steering()
     epoch = it.acquire(ME, 3, 0)["epoch"]

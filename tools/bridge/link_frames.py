@@ -14,8 +14,13 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 
-WORLD = "world"
-"""The frame that everything is seen from in the end; the base frame lies there, if it is fixed."""
+
+def world_frame(description: RobotDescription) -> str:
+    """Return the name of the top frame, where a fixed base frame lies; no link has that name."""
+    name = "world"
+    while name in description.frames:
+        name += "_"
+    return name
 
 
 class LinkFrames:
@@ -31,7 +36,7 @@ class LinkFrames:
 
     def __init__(self, description: RobotDescription) -> None:
         structure = description.structure
-        self.parents = (WORLD, *(joint.parent for joint in structure.joints))
+        self.parents = (world_frame(description), *(joint.parent for joint in structure.joints))
         self.children = (structure.root, *(joint.child for joint in structure.joints))
         k, places = len(structure.joints), description.joint_names
         self._master = np.zeros(k, np.intp)

@@ -12,7 +12,7 @@ from typing import Any
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.bridge.link_frames import WORLD
+from hoap3.tools.bridge.link_frames import world_frame
 from hoap3.tools.bridge.panel_messages import Clicked, read_clicked
 from hoap3.tools.services.connection import Connection
 
@@ -118,7 +118,7 @@ def check_frame(clicked: Clicked, description: RobotDescription) -> None:
     """
     known = [description.base_frame]
     if not description.state_arrays.get("base"):
-        known += [WORLD, ""]  # which is the same place
+        known += [world_frame(description), ""]  # which is the same place
     if clicked.frame not in known:
         raise UsageError(
             f"seen from the frame {clicked.frame!r:.60}: a target is taken as seen from "

@@ -7,6 +7,7 @@ standard error. Exit codes: 0 no verdict fails, 1 findings, 2 wrong usage or set
 from __future__ import annotations
 
 import io
+import json
 import os
 import sys
 import warnings
@@ -37,11 +38,13 @@ from hoap3.tools.cli.options import (
     AllowCode,
     AsJson,
     Connect,
+    LockJoints,
     NoRealtime,
     RunController,
     RunRobot,
     Secure,
     Sets,
+    Tip,
     Verbose,
     finite,
     reached,
@@ -110,6 +113,8 @@ def run(
     no_realtime: NoRealtime = False,
     verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006 - typer's own way
+    tip: Tip = None,
+    lock_joints: LockJoints = [],  # noqa: B006
 ) -> None:
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
     stop = StopFlag()
@@ -123,6 +128,8 @@ def run(
     if seed is not None:
         ours.append(f"seed={seed}")
     law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
+    parts = {"tip": tip, "lock_joints": lock_joints}
+    ours += [f"{key}={json.dumps(each, ensure_ascii=False)}" for key, each in parts.items() if each]
     emulator, emulator_file = emulator_config(robot or law.robot, ours, realtime=not no_realtime)
     files = (emulator_file, law_file)
     title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"

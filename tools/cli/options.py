@@ -69,3 +69,15 @@ Sets = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
 ]
+Tip = Annotated[
+    str | None,
+    typer.Option("--tip", help="Of a URDF: link that the default task moves, such as tool0."),
+]
+LockJoints = Annotated[
+    list[str],
+    typer.Option(
+        "--lock-joint",
+        metavar="NAME[=VALUE]",
+        help="Of a URDF: joint that becomes fixed, by default at 0 or its nearest limit.",
+    ),
+]

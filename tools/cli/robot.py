@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hoap3.tools.cli.options import AsJson
+from hoap3.tools.cli.options import AsJson, LockJoints, Tip
 from hoap3.tools.show.output import print_json, print_line, print_note
 
 robot_app = typer.Typer(no_args_is_help=True, help="Make a robot of a vendor's URDF; look at one.")
@@ -41,13 +41,17 @@ def import_(
     ] = None,
     package_path: PackagePath = [],  # noqa: B006 - typer's own way
     strict: Strict = False,
+    tip: Tip = None,
+    lock_joints: LockJoints = [],  # noqa: B006
     as_json: AsJson = False,
 ) -> None:
     """Write the folder of a robot: robot.yaml, the URDF that travels, meshes for drawing."""
     from hoap3.robot_emulator.robots.urdf_import.folder import write_folder
     from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
 
-    robot = import_robot(file, package_path, called=name, strict=strict)
+    robot = import_robot(
+        file, package_path, called=name, strict=strict, tip=tip, lock_joints=lock_joints
+    )
     folder = out or Path(robot.file.name)
     written = write_folder(robot, folder)
     notes = [note.line() for note in robot.notes]
@@ -74,13 +78,15 @@ def check(
     path: Annotated[str, typer.Argument(help="URDF, folder, YAML file, or the name of a robot.")],
     package_path: PackagePath = [],  # noqa: B006
     strict: Strict = False,
+    tip: Tip = None,
+    lock_joints: LockJoints = [],  # noqa: B006
     as_json: AsJson = False,
 ) -> None:
     """Say what a robot is: joints, limits, what is guessed, what follows, masses, shapes, tip."""
     from hoap3.tools.robots.robot_facts import as_json as facts_as_json
     from hoap3.tools.robots.robot_facts import look, show
 
-    found = facts_as_json(look(path, package_path, strict=strict))
+    found = facts_as_json(look(path, package_path, strict=strict, tip=tip, lock_joints=lock_joints))
     if as_json:
         print_json(found)
     else:

@@ -111,7 +111,8 @@ class Environment(Env):
         self._config = emulator_settings(robot, 0)
         if command is not None:
             self._config = self._config.model_copy(update={"command": command})
-        self._loaded = load_configured(self._config.robot, "Environment(robot)")
+        tip, lock = self._config.tip, self._config.lock_joints
+        self._loaded = load_configured(self._config.robot, "Environment(robot)", tip, lock)
         self.description: RobotDescription = describe(
             self._config, "Environment(robot)", self._loaded
         )

@@ -235,12 +235,15 @@ class _Table:
         self._prefix, self._stamps, self._rows, self._places = prefix, stamps, rows, places
         known = {**dict.fromkeys(PER_JOINT, joints), "extra": extra}
         self.columns = {f"{prefix}log_time": np.dtype(np.int64)}
+        self._of: dict[str, str] = {}  # whose a column is: a joint's, or a figure of the controller
         for name in rows.dtype.names or ():
             base, shape = rows.dtype[name].base, rows.dtype[name].shape
             labels = known.get(name, [])
-            ends = labels if shape and len(labels) == shape[0] else range(shape[0] if shape else 0)
+            fits = bool(shape) and len(set(labels)) == len(labels) == shape[0]
+            ends = labels if fits else [str(i) for i in range(shape[0] if shape else 0)]
             titles = [f"{prefix}{name}.{label}" for label in ends] if shape else [prefix + name]
             self.columns |= dict.fromkeys(titles, base)
+            self._of |= dict(zip(titles, ends, strict=False))
 
     def __len__(self) -> int:
         return len(self._places)
@@ -267,7 +270,9 @@ class _Table:
             name = title.removeprefix(self._prefix).partition(".")[0]
             kind = dtype.name.replace("i", "I", 1).replace("uI", "UI") if gaps else dtype.name
             kind = dtype.name if dtype.kind == "f" else kind
-            found[title] = {"dtype": kind, "meaning": meanings.get(name, "")}
+            found[title] = {"dtype": kind, "meaning": meanings.get(name, ""), "field": name}
+            if title in self._of:
+                found[title]["of"] = self._of[title]
         return found
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import schema
+from hoap3.remote_controller.references.trajectories.motion_file import column_title
 from hoap3.tools.logs.log import Log
 
 ACTIVE = schema("State").constants["ACTIVE"]
@@ -47,7 +48,7 @@ def motion_of(path: Path, played: Played = "measured", every_s: float = 0.01) ->
     if not np.isfinite(q).all() or not np.isfinite(dq).all():
         raise LogError(f"{path}: joints are not finite in it. Name another log")
     dq[-1] = 0.0
-    names = robot.joint_names
+    names = [column_title(name) for name in robot.joint_names]
     header = ["t", *names, *(f"{name}/velocity" for name in names)]
     return _csv(header, np.column_stack([times[taken], q, dq]))
 

@@ -35,26 +35,29 @@ class Facts:
     meshes: int = 0
 
 
-def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) -> Facts:
+def look(
+    name: str, package_path: Sequence[Path] = (), *, strict: bool = False, **how: Any
+) -> Facts:
     """Read a robot: a vendor's URDF, a folder, a YAML file, or a name.
 
     Args:
         name: which.
         package_path: where the packages of a URDF are looked for first; of no use to the others.
         strict: a mesh that is missing, or is another than the file says, is an error.
+        how: `tip` and `lock_joints` of a URDF, see `import_robot`.
 
     Raises:
         UsageError: it is none, or something in it is wrong.
     """
     if is_source(name):
-        found = import_robot(name, package_path, strict=strict)
+        found = import_robot(name, package_path, strict=strict, **how)
         notes = [note.line() for note in found.notes]
         return Facts(found.description, found.file, notes, len(found.parts.visuals))
     if package_path:
         problem = f"is of no use for {name}, whose meshes lie in its own folder"
         remedy = "Leave it out, or name the URDF that the robot was made of"
         raise ConfigError("--package-path", "", str(package_path[0]), problem, remedy)
-    description, path = load(name), find_file(name)
+    description, path = load(name, **how), find_file(name)
     if path is None:
         return Facts(description)
     file = read_files(path)[0]

@@ -14,6 +14,7 @@ from hoap3.remote_controller.references.trajectories.motion_file import (
     LONGEST_S,
     QUATERNION,
     Motion,
+    are_columns,
     read_motion,
     read_text,
 )
@@ -27,6 +28,9 @@ from hoap3.tools.logs.motion_files import is_log
 from hoap3.tools.logs.motions import motion_of
 from hoap3.tools.robots.trajectory_limits import limits_exceeded
 from hoap3.tools.services.services import emulator_config
+
+RADIANS = "positions are read in rad (prismatic joints: m): multiply degrees by pi/180 = 0.0174533"
+LONG_STEP_S = 5.0  # between rows: perhaps milliseconds
 
 
 def look(
@@ -45,7 +49,9 @@ def look(
     description = describe(*emulator_config(robot, []))
     text = motion_of(Path(file)) if is_log(Path(file)) else read_text(Path(file))
     known = description.joint_names
-    motion = read_motion(text, file, (*known, *AXES), turns=True)
+    of_joints, is_either = are_columns(text, known), are_columns(text, (*AXES, *QUATERNION))
+    names = known if of_joints else (*known, *AXES)
+    motion = read_motion(text, file, names, turns=not of_joints)
     degree = interpolation or degree_of(motion)
     found: dict[str, Any] = {
         "file": file,
@@ -55,7 +61,12 @@ def look(
         "duration_s": float(motion.times_s[-1]) * scaling,
         "interpolation": degree,
         "time_scaling": scaling,
+        "hints": [],
     }
+    if float(np.median(np.diff(motion.times_s))) >= LONG_STEP_S:
+        found["hints"].append("times are read in seconds: divide milliseconds by 1000")
+    if of_joints and is_either:
+        found["hints"].append(f"{', '.join(motion.names)} are joints of the robot here, not axes")
     others = [name for name in motion.names if name not in known]
     in_space = len(others) == len(motion.names)
     check_motion(motion, file, degree, AXES if in_space else ())
@@ -67,7 +78,13 @@ def look(
     joints = [known.index(name) for name in motion.names]
     path = Trajectory(motion, degree, scaling, approach_s)
     path.start(description.initial_position[joints], 0.0)
-    return found | limits_exceeded(path, motion, description, joints, scaling)
+    found |= limits_exceeded(path, motion, description, joints, scaling)
+    if not path.times_s[1]:
+        later = look(file, robot, degree, scaling, 1.0)
+        found["fits_with_approach_s"] = later["fits_with_approach_s"]
+    if found["exceeded"]:
+        found["hints"].append(RADIANS)
+    return found
 
 
 def shown(found: dict[str, Any]) -> Iterator[str]:
@@ -88,6 +105,7 @@ def shown(found: dict[str, Any]) -> Iterator[str]:
             f"{each['joint']}: {each['what']} {each['value']:.6g} at {each['time_s']:.6g} s, "
             f"{where} line {each['line']}, limit {each['limit']:.6g}{more}"
         )
+    yield from found["hints"]
     if not found["exceeded"]:
         yield f"no limit of {found['robot']} is exceeded"
         return

@@ -77,6 +77,11 @@ def _quantities(path: Trajectory, robot: RobotDescription, joints: list[int]) ->
     c = np.where(there[:, :, None], path.polynomials, 0.0).transpose(1, 0, 2).reshape(6, k * m)
     widths = np.where(there, widths, 1.0)
     lower, upper = robot.lower[joints], robot.upper[joints]
+    if not path.times_s[1]:  # no time to come to the first point
+        jump = np.zeros((k, m))
+        jump[0] = path.polynomials[1, 0] - robot.initial_position[joints]
+        shares = np.where(np.abs(jump) > STILL, 2.0, 0.0)
+        yield Quantity("jump of the position", jump, 0.0 * jump, 0.0 * jump, shares)
     (z, low), (z_high, high) = peaks(c)
     low, high = low.reshape(k, m), high.reshape(k, m)
     for at, values, limit, sign in ((z, low, lower, -1.0), (z_high, high, upper, 1.0)):

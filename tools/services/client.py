@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
@@ -14,6 +15,7 @@ from hoap3.protocol.errors import ConfigError, LinkError, UsageError, WireError
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a robot listens by default."""
+LOOK_S = 5e-4  # between two looks for what has come
 
 
 def request_all(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
@@ -192,3 +194,22 @@ def alive(endpoint: str) -> list[dict[str, Any]]:
     keys = ("robot", "endpoint", "pid", "host", "session_id")
     found += [{"robot": name} for name in names if name not in known]
     return [{key: each.get(key) for key in keys} for each in found]
+
+
+def place_of(endpoint: str | None, secure: str | os.PathLike[str] | None) -> str | None:
+    """Where a robot is, and with which certificate it is reached."""
+    return endpoint if secure is None else Place(endpoint or "", os.fspath(secure))
+
+
+def wait_for(look: Callable[[], Any], timeout_s: float) -> Any:
+    """What a look finds, once it finds something, or after so long.
+
+    The last look is after that: this process may have been stopped meanwhile.
+    """
+    until = time.monotonic() + timeout_s
+    while True:
+        over = time.monotonic() > until
+        found = look()
+        if found or over:
+            return found
+        time.sleep(LOOK_S)

@@ -12,7 +12,7 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
 
@@ -28,7 +28,6 @@ from hoap3.protocol.answers import (
     parse_answer,
     parse_description,
 )
-from hoap3.protocol.config.endpoints import Place
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     BadProblemError,
@@ -38,15 +37,16 @@ from hoap3.protocol.errors import (
     WireError,
 )
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 from hoap3.tools.services import sent
-from hoap3.tools.services.client import check_right, client_settings, unanswered
+from hoap3.tools.services.client import check_right, client_settings, place_of, unanswered, wait_for
 from hoap3.tools.services.find_robot import reach_robot
 from hoap3.tools.show.event_words import EVENT_NAMES, in_words
 
-LOOK_S = 5e-4  # between two looks for what has come
 EVENTS = 256  # that are kept until somebody reads them
 RENEWED_S = 0.5  # between two renewals of the operator's lease of 2 s
 RETRY_S = 0.2
+WAIT_S = 0.05  # between two questions whether a target is reached
 
 
 def connect(
@@ -71,7 +71,7 @@ def connect(
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    return Connection(robot, _place(endpoint, secure), every_tick=every_tick)
+    return Connection(robot, place_of(endpoint, secure), every_tick=every_tick)
 
 
 def connect_async(
@@ -82,12 +82,7 @@ def connect_async(
     secure: str | os.PathLike[str] | None = None,
 ) -> AsyncConnection:
     """The same for `async with`: each method of `Connection` is awaited."""
-    return AsyncConnection(robot, _place(endpoint, secure), every_tick=every_tick)
-
-
-def _place(endpoint: str | None, secure: str | os.PathLike[str] | None) -> str | None:
-    """Where a robot is, and with which certificate it is reached."""
-    return endpoint if secure is None else Place(endpoint or "", os.fspath(secure))
+    return AsyncConnection(robot, place_of(endpoint, secure), every_tick=every_tick)
 
 
 class Connection:
@@ -135,6 +130,8 @@ class Connection:
             raise
         self._last = State.allocate(**self.description.state_lengths)
         self._has_state = False
+        self._model: RobotModel | None = None
+        self._refused: dict[str, int] = {}  # messages that `wait_until_reached` has raised
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -306,7 +303,7 @@ class Connection:
             found = self._control("acquire")
             check_answer(OperatorAnswer, found, f"the controller of {self.robot!r} who steers it")
             if found["epoch"] != self._epoch:  # else it counts on, also where it seemed lost
-                self._epoch, self._number = found["epoch"], 0
+                self._epoch, self._number, self._refused = found["epoch"], 0, {}
             self._operator, self._lost = found, None
         return found
 
@@ -327,12 +324,52 @@ class Connection:
 
         Raises:
             UsageError: no such target, or we do not steer.
-            BadProblemError: not d finite numbers.
+            BadProblemError: not d finite numbers, or outside the target's limits.
         """
         points = sent.numbers(values, "a target")
         if points.ndim != 1:
             raise BadProblemError(f"a target is one row of numbers (found {points.ndim} axes)")
         return self._send(points[None], 0 if first_tick is None else first_tick, 1, None, target)
+
+    def wait_until_reached(self, timeout_s: float = 10.0) -> bool:
+        """Return whether the targets sent are reached, within tolerance, before a timeout.
+
+        Raises:
+            LinkError: no controller answers.
+            UsageError: we do not steer, the robot does not follow, or a target was refused.
+        """
+        until = time.monotonic() + timeout_s
+        while True:
+            over = time.monotonic() > until
+            self._steers()
+            with self._steering:  # so that nobody releases in between
+                self._held()
+                found = self._acquire()
+            before, self._refused = self._refused, found["refused"]
+            sent.check_refused(found["refused"], before)
+            if sent.is_reached(found, self._number, self._control("tasks")["tasks"]):
+                return True
+            if over:
+                return False
+            time.sleep(WAIT_S)
+
+    def frame_pose(
+        self, frame: str, reference: str | None = None, state: State | None = None
+    ) -> np.ndarray[Any, Any]:
+        """Return the measured pose of a link, (7,): x, y, z [m], qx, qy, qz, qw.
+
+        Args:
+            frame: a link of the robot, such as its tool.
+            reference: the link that it is seen from; None: the base frame.
+            state: of the robot; None: the newest one.
+
+        Raises:
+            FrameNotFoundError: the robot has no such link; carries those that it has.
+            LinkError: no State comes.
+        """
+        self._model = self._model or build_model(self.description)
+        q = (state or self.state()).q
+        return self._model.pose_in(frame, reference or self.description.base_frame, q)
 
     def send_chunk(
         self,
@@ -357,7 +394,8 @@ class Connection:
 
         Raises:
             UsageError: no such target, or we do not steer.
-            BadProblemError: the arrays do not fit, or a tick is none.
+            BadProblemError: the arrays do not fit, points are outside the target's limits, or a
+                tick is none.
         """
         return self._send(sent.numbers(points, "points"), first_tick, step_ticks, rates, target)
 
@@ -375,6 +413,7 @@ class Connection:
         step_ticks = sent.whole(step_ticks, "step_ticks")
         speeds = np.zeros((0, moves)) if rates is None else sent.numbers(rates, "rates")
         sent.check(points, speeds, (dimension, moves), first_tick, step_ticks)
+        sent.check_limits(points, grant["targets"][number])
         message = Target(len(points), dimension, rates=moves if speeds.size else 0)
         message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
         message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
@@ -494,29 +533,15 @@ class Connection:
 
     def _wait(self, timeout_s: float) -> None:
         """Until a State has come."""
-        if not _found(self._look, timeout_s):
+        if not wait_for(self._look, timeout_s):
             raise LinkError(
                 f"no State of robot {self.robot!r} came within {timeout_s:g} s. A robot of "
                 "before this version sends only to `connect(…, every_tick=True)`"
             )
 
     def _next(self, subscriber: Any, timeout_s: float) -> bytes | None:
-        sample = _found(subscriber.try_recv, timeout_s)
+        sample = wait_for(subscriber.try_recv, timeout_s)
         return None if sample is None else bytes(sample.payload.to_bytes())
-
-
-def _found(look: Callable[[], Any], timeout_s: float) -> Any:
-    """What a look finds, once it finds something, or after so long.
-
-    The last look is after that: this process may have been stopped meanwhile.
-    """
-    until = time.monotonic() + timeout_s
-    while True:
-        over = time.monotonic() > until
-        found = look()
-        if found or over:
-            return found
-        time.sleep(LOOK_S)
 
 
 class AsyncConnection:

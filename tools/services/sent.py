@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import operator
 from collections.abc import Mapping
 from typing import Any
@@ -64,6 +65,46 @@ def whole(given: Any, what: str) -> int:
         return operator.index(given)
     except TypeError as error:
         raise BadProblemError(f"{what} must be a whole number (found {given!r:.60})") from error
+
+
+def check_limits(points: np.ndarray[Any, Any], target: Mapping[str, Any]) -> None:
+    """Refuse points that a controller would refuse because they are out of a target's limits.
+
+    Args:
+        points: (p, dimension).
+        target: as `acquire` gives it.
+
+    Raises:
+        BadProblemError: names the number, its value and its limits.
+    """
+    ends = [target.get(key, ()) for key in ("lower", "upper", "layout")]
+    for values, lower, upper, name in zip(points.T.tolist(), *ends, strict=False):
+        least, most = -math.inf if lower is None else lower, math.inf if upper is None else upper
+        for value in values:
+            if not least <= value <= most:
+                raise BadProblemError(
+                    f"target {target['name']!r}: {name} is {value:g}: send {least:g} to {most:g}"
+                )
+
+
+def check_refused(refused: Mapping[str, int], before: Mapping[str, int]) -> None:
+    """Raise if a controller has refused messages since `before`, by reason.
+
+    Raises:
+        UsageError: it has.
+    """
+    new = [f"{name}: {n}" for name, n in refused.items() if n > before.get(name, 0)]
+    if new:
+        raise UsageError(
+            f"the controller refused messages ({', '.join(new)}): send such targets again"
+        )
+
+
+def is_reached(grant: Mapping[str, Any], number: int, errors: list[Mapping[str, Any]]) -> bool:
+    """Return whether message `number` has arrived, its target is at rest, and tasks are within."""
+    arrived = grant.get("newest", 0) >= number
+    at_rest = all(target.get("at_rest") for target in grant["targets"])
+    return arrived and at_rest and all(each["within"] for each in errors if each["judged"])
 
 
 def place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int, int]:

@@ -132,7 +132,7 @@ class Live(Target):
             self._around = Space(0, turns=True).point(turning.around)
         self._plans: list[Plan] = [Plan(-math.inf, Rest(self._home))]
         self._out = np.zeros((3, space.numbers))
-        self.stops_at_s = math.inf
+        self.stops_at_s, self._ends_s = math.inf, -math.inf
         self._ways.rehearse()
         _ALL.add(self)
         seen = _BEING_BUILT.get()
@@ -151,6 +151,8 @@ class Live(Target):
             "speed": speed,
             "acceleration": acceleration,
             "jerk": jerk,
+            "lower": [each if math.isfinite(each) else None for each in self._lower.tolist()],
+            "upper": [each if math.isfinite(each) else None for each in self._upper.tolist()],
             "stale_after_s": None if math.isinf(self._stale_after) else self._stale_after,
             "when_stale": self._when_stale,
         }
@@ -160,7 +162,11 @@ class Live(Target):
         super().start(present, time_s)
         self._home = self.space.point(np.zeros(self.dimension) if present is None else present)
         self._plans = [Plan(-math.inf, Rest(self._home))]
-        self.stops_at_s = math.inf
+        self.stops_at_s, self._ends_s = math.inf, -math.inf
+
+    def is_at_rest(self, time_s: float) -> bool:
+        """Return whether it has come to the end of what was sent by a time [s]."""
+        return time_s >= self._ends_s
 
     def take(
         self, first_s: float, step_s: float, points: FloatArray, rates: FloatArray, now_s: float
@@ -188,13 +194,14 @@ class Live(Target):
             curve = Chunk(first_s, step_s, points, rates, self.space)
             if not curve.within(begin, self._bounds):
                 return "too_fast"
-        before = self._plans, self.stops_at_s
+        before = self._plans, self.stops_at_s, self._ends_s
         self._plans = [plan for plan in self._plans if plan.begin_s < now_s][-2:]
         try:
             self._plans.append(self._ways.plan(begin, self._where(begin), curve))
+            self._ends_s = self._plans[-1].end_s
             self._grow_stale(now_s + self._stale_after)
         except BadProblemError:
-            self._plans, self.stops_at_s = before
+            self._plans, self.stops_at_s, self._ends_s = before
             return "too_fast"
         return int(min(max(math.ceil((now_s - first_s) / step_s), 0), count)) if count > 1 else 0
 

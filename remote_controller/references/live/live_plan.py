@@ -103,6 +103,7 @@ class Plan:
 
     def __init__(self, begin_s: float, rest: Rest, pieces: Sequence[tuple[float, Look]] = ()):
         self.begin_s, self._rest, self._pieces = begin_s, rest, tuple(pieces)
+        self.end_s = pieces[-1][0] if pieces else begin_s
 
     def look(self, time_s: float, out: FloatArray) -> None:
         """Write the state at a time [s], (3, numbers)."""

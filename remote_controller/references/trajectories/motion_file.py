@@ -5,15 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote, unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.config.regular_file import read_named
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError, did_you_mean
 from hoap3.protocol.messages import FloatArray
 
 TIME = "t"
@@ -23,6 +25,10 @@ QUATERNION = ("qx", "qy", "qz", "qw")
 MAX_ROWS = 100_000
 MAX_BYTES = 1 << 23
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
+SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
+COMMENTS = ("#", "%", "//")
+_OTHER_FORMAT = re.compile(r"\s*(?:[\[{<]|---)|[^,;\t|]*:\s*$")
+UNITS = {"milliseconds": "1e3", "microseconds": "1e6", "nanoseconds": "1e9"}
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,8 @@ def read_motion(text: str, file: str, known: Sequence[str], *, turns: bool = Fal
 
     The first column is `t` [s]. Another one is a name, or `name/position`, `name/velocity`,
     `name/acceleration`. Columns may stand in any order; the motion has them in that of `known`.
+    Names may be percent-encoded, as must be one of `known` that another column could be, too:
+    `arm%2Fvelocity` is the name `arm/velocity`.
 
     Args:
         text: of the file.
@@ -89,8 +97,8 @@ def read_motion(text: str, file: str, known: Sequence[str], *, turns: bool = Fal
     """
     rows = _rows(text, file)
     header = [name.strip() for name in rows[0][1]]
-    accepted = (*known, *QUATERNION) if turns else tuple(known)
-    columns = _columns(header, file, rows[0][0], accepted)
+    _check_format(rows, file)
+    columns = _columns(header, file, rows[0][0], known, QUATERNION if turns else ())
     table = np.array([_numbers(row, header, file, line) for line, row in rows[1:]])
     lines = np.array([line for line, _ in rows[1:]])
     if len(table) < 2:
@@ -103,7 +111,7 @@ def read_motion(text: str, file: str, known: Sequence[str], *, turns: bool = Fal
         there = [given[name] for name in names if name in given]
         parts.append(table[:, there] if there else None)
     positions, velocities, accelerations = parts
-    if columns[0].keys() >= set(QUATERNION):
+    if turns and columns[0].keys() >= set(QUATERNION):
         quaternions = table[:, [columns[0][name] for name in QUATERNION]]
         turned = _rotation_vectors(quaternions, lines, file)
         names = (*names, "rx", "ry", "rz")
@@ -113,7 +121,7 @@ def read_motion(text: str, file: str, known: Sequence[str], *, turns: bool = Fal
             for each in (velocities, accelerations)
         )
     if positions is None:
-        raise ConfigError(file, "line 1", None, "has no column of positions", _remedy(known))
+        raise ConfigError(file, "line 1", None, "has no column of positions", _remedy("", known))
     return Motion(names, table[:, 0].copy(), positions, velocities, accelerations, lines, file)
 
 
@@ -131,30 +139,82 @@ def _rows(text: str, file: str) -> list[tuple[int, list[str]]]:
     return rows
 
 
+def _check_format(rows: list[tuple[int, list[str]]], file: str) -> None:
+    """Refuse what is not a table with commas whose first column is the time."""
+    line, header = rows[0]
+    first = header[0].strip()
+    comments = [(line, row) for line, row in rows if row[0].lstrip().startswith(COMMENTS)]
+    signs = [name for sign, name in SEPARATORS.items() if sign in first and len(header) == 1]
+    problem, remedy = "is not the time", f"Call it {TIME}, in seconds"
+    if comments:
+        line, header = comments[0]
+        problem, remedy = "is a comment", f"Remove lines that begin with {' or '.join(COMMENTS)}"
+    elif _OTHER_FORMAT.match(first):
+        problem, remedy = "is not CSV", "Only CSV and logs *.mcap are read"
+    elif signs:
+        problem = f"has {signs[0]} between its columns"
+        remedy = "Separate columns by commas, and write a decimal point"
+    elif first == TIME:
+        return
+    elif {"log_time", "tick"} <= {*header}:
+        remedy = "Take the motion from the log itself: hoap3 trajectory from LOG"
+    remedy = f"{remedy}. The first line is {TIME},NAME,… with the time [s] in the first column"
+    raise ConfigError(file, f"line {line}", header[0], problem, remedy)
+
+
+def column_title(name: str) -> str:
+    """Return how a file names the positions of a joint, so that nothing else has that name."""
+    return quote(name, safe="") if name.rpartition("/")[2] in PARTS else name
+
+
+def _meanings(title: str, known: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield each name and part that a column can be of."""
+    if title in known or (unquote(title) in known and "/" not in title):
+        yield unquote(title), PARTS[0]
+    name, _, part = title.rpartition("/")
+    if unquote(name) in known and part in PARTS:
+        yield unquote(name), part
+
+
+def are_columns(text: str, known: Sequence[str]) -> bool:
+    """Return whether all columns of a CSV but the first can be of these names."""
+    try:
+        header = next(filter(None, csv.reader(io.StringIO(text, newline=""))), [])
+    except csv.Error:
+        return False
+    return len(header) > 1 and all(any(_meanings(title.strip(), known)) for title in header[1:])
+
+
 def _columns(
-    header: list[str], file: str, line: int, known: Sequence[str]
+    header: list[str], file: str, line: int, names: Sequence[str], turns: Sequence[str]
 ) -> tuple[dict[str, int], dict[str, int], dict[str, int]]:
     """Where positions, velocities and accelerations are, by name."""
-    where = f"line {line}"
-    if header[:1] != [TIME]:
-        remedy = f"The first line is {TIME},NAME,… with the time [s] in the first column"
-        raise ConfigError(file, where, header[0], "is not the time", remedy)
+    where, known = f"line {line}", (*names, *turns)
     found: tuple[dict[str, int], dict[str, int], dict[str, int]] = ({}, {}, {})
-    for place, title in enumerate(header[1:], 1):
-        name, _, part = title.partition("/")
-        part = part or PARTS[0]
-        if name not in known or part not in PARTS:
-            raise ConfigError(file, where, title, "is no column of this motion", _remedy(known))
-        if name in QUATERNION and part != PARTS[0]:
+    meanings = [[*_meanings(title, known)] for title in header[1:]]
+    certain = [each[0] for each in meanings if len(each) == 1]
+    for place, (title, each) in enumerate(zip(header[1:], meanings, strict=True), 1):
+        left = [meaning for meaning in each if meaning not in certain] or each
+        if not left:
+            raise ConfigError(
+                file, where, title, "is no column of this motion", _remedy(title, known)
+            )
+        if len(left) > 1:
+            (whole, _), (name, part) = left
+            problem = f"may be the joint {whole!r}, or the {part} of {name!r}"
+            remedy = f"Write {column_title(whole)} or %{ord(name[0]):X}{name[1:]}/{part}"
+            raise ConfigError(file, where, title, problem, remedy)
+        name, part = left[0]
+        if name in turns and part != PARTS[0]:
             raise ConfigError(file, where, title, "is not read", "Leave the column out")
         given = found[PARTS.index(part)]
         if name in given:
             raise ConfigError(file, where, title, "is there twice", "Leave one out")
         given[name] = place
-    if 0 < len(set(found[0]) & set(QUATERNION)) < len(QUATERNION):
+    if 0 < len(set(found[0]) & set(turns)) < len(turns):
         problem = "has a part of a quaternion"
         raise ConfigError(file, where, ",".join(header), problem, "Give qx, qy, qz and qw")
-    wanted = {name for name in found[0] if name not in QUATERNION}
+    wanted = {name for name in found[0] if name not in turns}
     for given, part in zip(found[1:], PARTS[1:], strict=True):
         if given and given.keys() != wanted:
             odd = sorted(given.keys() ^ wanted)[0]
@@ -169,25 +229,29 @@ def _columns(
 NAME_OF = {part: f"NAME/{part}" for part in PARTS}
 
 
-def _remedy(known: Sequence[str]) -> str:
+def _remedy(title: str, known: Sequence[str]) -> str:
+    inside = next((f"Did you mean {part!r}?" for part in title.split("/") if part in known), "")
+    guess = inside or did_you_mean(title, known)
     return (
-        f"Columns are NAME, NAME/velocity and NAME/acceleration of: {', '.join(known) or 'nothing'}"
-    )
+        f"{guess} Columns are NAME, NAME/velocity and NAME/acceleration of: "
+        f"{', '.join(known) or 'nothing'}"
+    ).lstrip()
 
 
 def _numbers(row: list[str], header: list[str], file: str, line: int) -> list[float]:
     if len(row) != len(header):
-        problem, remedy = f"has {len(row)} values", f"Give {len(header)}, one for each column"
+        problem = f"has {len(row)} values"
+        remedy = f"Give {len(header)}, one for each column, with a decimal point, not a comma"
         raise ConfigError(file, f"line {line}", ",".join(row), problem, remedy)
     values: list[float] = []
     for name, text in zip(header, row, strict=True):
         try:
-            value = float(text)
+            value = float(text) if text.isascii() and "_" not in text else math.nan
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            where = f"line {line}, column {name}"
-            raise ConfigError(file, where, text, "is not a finite number", "Write one")
+            where, remedy = f"line {line}, column {name}", "Write digits, such as -0.5 or 1e-3"
+            raise ConfigError(file, where, text, "is not a finite number", remedy)
         values.append(value)
     return values
 
@@ -196,7 +260,13 @@ def _check_times(times: FloatArray, lines: NDArray[np.int64], file: str) -> None
     where = "line {}, column " + TIME
     if times[-1] > LONGEST_S:
         problem = f"is later than {LONGEST_S:g} s after the begin"
-        remedy = "Count from the begin: of times of a clock subtract the first one"
+        clocks = [
+            f"these are {name}: divide by {one}"
+            for name, one in UNITS.items()
+            if 1e9 <= times[0] / float(one) < 1e10  # since 1970
+        ]
+        units = clocks or [f"divide {name} by {one}" for name, one in UNITS.items()]
+        remedy = f"Count seconds from the begin: subtract the first time; {', '.join(units)}"
         raise ConfigError(file, where.format(lines[-1]), float(times[-1]), problem, remedy)
     if times[0] < 0.0:
         problem, remedy = "time is negative", "Begin at 0 or later"

@@ -175,7 +175,8 @@ class TrajectorySettings(Settings):
         outside = (motion.positions < lower) | (motion.positions > upper)
         for row, i in np.argwhere(outside)[:1]:
             value = float(motion.positions[row, i])
-            problem, remedy = "is outside the joint's range", f"Keep to {lower[i]} … {upper[i]}"
+            problem = "is outside the joint's range"
+            remedy = f"Keep to {lower[i]} … {upper[i]}, in rad or m; multiply degrees by pi/180"
             raise motion.refuse(row, motion.names[i], value, problem, remedy)
         speeds, most = mean_speeds(motion, self.time_scaling), description.velocity[joints]
         for row, i in np.argwhere(speeds > most)[:1]:

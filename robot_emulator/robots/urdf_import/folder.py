@@ -116,7 +116,7 @@ def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
         lines += _joint(joint)
     if file.default_task is not None:
         task = file.default_task.model_dump(exclude_none=True)
-        lines.append("default_task:  # guessed: a small motion of the tip of the longest chain")
+        lines.append("default_task:  # guessed: a small motion of the tool")
         lines += [f"  {key}: {_value(value)}" for key, value in task.items()]
     if meshes:
         lines.append(f"meshes:  # in {MESHES}/, for drawing; controllers get none of it")

@@ -7,7 +7,7 @@ no limits, or 0 0     a revolute joint turns without end; a prismatic one is ref
 no effort, or 0       none: the robot takes no torques
 no inertia            only positions are commanded, where nothing that moves has one
 start posture         `zero`: each joint at 0, or at the limit nearest to it
-default task          the tip of the longest chain moves by 5 % of its reach, at least 1 cm: `tip`
+default task          the tool moves by 5 % of its reach, at least 1 cm, see `tip`
 ====================  ============================================================================
 """
 
@@ -63,6 +63,8 @@ def import_robot(
     *,
     called: str | None = None,
     strict: bool = False,
+    tip: str | None = None,
+    lock_joints: Sequence[str] = (),
 ) -> ImportedRobot:
     """Make a robot of a vendor's URDF.
 
@@ -71,9 +73,11 @@ def import_robot(
         package_path: folders in which `package://` is looked for first.
         called: the robot's name; by default as near to the stated one as can be.
         strict: a mesh that cannot be found or read is an error.
+        tip: the link that the default task moves; None: see `tip`.
+        lock_joints: joints that become fixed, each as NAME or NAME=VALUE [rad or m].
 
     Raises:
-        ConfigError: a file cannot be read.
+        ConfigError: a file cannot be read, or there is no such tip, or no such joint to lock.
         DescriptionError: something in it cannot be what it says; names the link or the joint.
         NotInstalledError: it needs a library that is not installed.
     """
@@ -82,12 +86,12 @@ def import_robot(
         raise ConfigError("--name", "", called, "is no name for the network", remedy)
     try:
         source, notes = read_source(name, package_path), Notes()
-        parts = sanitize(source, notes, called, strict=strict)
+        parts = sanitize(source, notes, called, lock_joints, strict=strict)
         file = RobotFile(name=parts.name, urdf=f"{parts.name}.urdf", joints=_entries(parts, notes))
         robot = describe(file, parts.urdf)
         file = file.model_copy(update={"command_kinds": _commands(robot, notes)})
         robot = describe(file, parts.urdf)
-        file = file.model_copy(update={"default_task": _task(robot, notes)})
+        file = file.model_copy(update={"default_task": _task(robot, notes, tip)})
         robot = describe(file, parts.urdf)
         _note_the_rest(parts, robot, notes)
     except DescriptionError as error:
@@ -129,8 +133,8 @@ def _commands(robot: RobotDescription, notes: Notes) -> tuple[CommandKind, ...]:
     return ("position", "acceleration", "torque")
 
 
-def _task(robot: RobotDescription, notes: Notes) -> DefaultTaskEntry | None:
-    task = default_task(robot)
+def _task(robot: RobotDescription, notes: Notes, tip: str | None) -> DefaultTaskEntry | None:
+    task = default_task(robot, tip)
     if task is None:
         notes.add("left out", "no default task, because no joint moves the origin of a link")
         return None
@@ -139,8 +143,8 @@ def _task(robot: RobotDescription, notes: Notes) -> DefaultTaskEntry | None:
     far, whole = math.hypot(*move), reach(robot, task.point)
     share = f", {far / whole:.1%} of its reach of {whole:.3g} m" if whole else ""
     text = (
-        f"default task: {task.point!r}, the tip of the longest chain, moves by {x:g}, {y:g}, {z:g} "
-        f"m ({far:.3g} m{share}), to where its joints can bring it"
+        f"default task: {task.point!r}, the tool, moves by {x:g}, {y:g}, {z:g} m ({far:.3g} m"
+        f"{share}), to where its joints can bring it"
     )
     notes.add("guessed", text)
     return DefaultTaskEntry(**task.model_dump())

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-from hoap3.protocol.errors import DescriptionError, did_you_mean
-from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
+import numpy as np
+
+from hoap3.protocol.errors import ConfigError, DescriptionError, did_you_mean, one_of
+from hoap3.protocol.robot.pinocchio_model import moved_origin
+from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, written
 from hoap3.robot_emulator.robots.urdf_import.followers import AGAINST_MASTER, relax_followers
 from hoap3.robot_emulator.robots.urdf_import.names import joint_names
-from hoap3.robot_emulator.robots.urdf_import.notes import Notes
+from hoap3.robot_emulator.robots.urdf_import.notes import About, Notes
 
 SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
 """Greatest speed where none is given [rad/s, m/s]: slow enough to be safe to watch."""
 UNIT = {"revolute": "rad/s", "continuous": "rad/s", "prismatic": "m/s"}
 ENDLESS = 1e4  # rad; exporters write such limits for joints that turn without end
 WELDED = {"floating", "planar", "spherical", "ball"}
+ROOM = 1e-6  # rad or m between its limits: a joint with less cannot move
+NO_ROOM: tuple[About, str] = ("left out", "locked, because their limits leave them no room")
+ASKED: tuple[About, str] = ("read", "locked, as asked")
+AFTER_OTHERS = "fixed, because they follow a fixed joint"
 
 
 @dataclass(frozen=True)
@@ -38,10 +46,18 @@ class ReadJoint:
     follows: str | None
 
 
-def read_joints(robot: ET.Element, notes: Notes) -> tuple[list[ET.Element], list[ReadJoint]]:
+def read_joints(
+    robot: ET.Element, notes: Notes, lock: Sequence[str] = ()
+) -> tuple[list[ET.Element], list[ReadJoint]]:
     """The joints as they can travel, and those of them that move, in the order of the file.
 
+    Args:
+        robot: of the vendor's URDF.
+        notes: takes what was found.
+        lock: joints that become fixed, each as NAME or NAME=VALUE [rad or m].
+
     Raises:
+        ConfigError: there is no such joint to lock, or not there.
         DescriptionError: a joint cannot be what the file says; names it.
     """
     elements = robot.findall("joint")
@@ -50,13 +66,16 @@ def read_joints(robot: ET.Element, notes: Notes) -> tuple[list[ET.Element], list
             raise DescriptionError("URDF: a <joint> without a name. Give it one.")
     stated = [str(element.get("name")) for element in elements]
     renamed = joint_names(stated, notes)
-    kinds = _kinds(elements, notes)
+    locked = _locked(lock, elements, renamed, notes)
+    kinds = _kinds(elements, locked, notes)
     made, read = [], []
     for element, name, kind in zip(elements, stated, kinds, strict=True):
         where = f"URDF joint {name!r:.80}"
         new = ET.Element("joint", name=renamed[name], type=kind)
         for tag, keep in (("origin", ("xyz", "rpy")), ("parent", ("link",)), ("child", ("link",))):
             copy_attributes(element.find(tag), new, keep)
+        if locked.get(name):
+            _move_origin(element, new, locked[name], where)
         if kind != "fixed":
             read.append(_moving(element, new, where, renamed, notes))
         made.append(new)
@@ -71,33 +90,82 @@ def copy_attributes(of: ET.Element | None, into: ET.Element, keep: tuple[str, ..
         ET.SubElement(into, of.tag, {key: of.attrib[key] for key in keep if key in of.attrib})
 
 
-def _kinds(elements: list[ET.Element], notes: Notes) -> list[str]:
-    """What each joint is here: a free base is welded, and followers of fixed joints are fixed."""
-    kinds = [element.get("type", "") for element in elements]
+def _locked(
+    lock: Sequence[str], elements: list[ET.Element], renamed: dict[str, str], notes: Notes
+) -> dict[str, float]:
+    """Return where joints are locked [rad or m], by stated name: as asked, or without room."""
+    moving = {_name(each): each for each in elements if each.get("type") != "fixed"}
+    known = {**{renamed[name]: name for name in moving}, **{name: name for name in moving}}
+    asked: dict[str, float | None] = {}
+    for text in lock:
+        name, _, value = (text, "", "") if text in known else text.rpartition("=")
+        if name not in known:
+            remedy = f"Write NAME or NAME=VALUE. {one_of(name or text, known, 'Joints')}"
+            raise ConfigError("--lock-joint", "", text, "names no joint that moves", remedy)
+        given = ET.Element("joint", {"value": value} if value else {})
+        asked[known[name]] = figure(given, "value", f"--lock-joint {text:.80}")
+    found = {}
+    for name, element in moving.items():
+        lower, upper = _room(element)
+        if name in asked or lower == upper:
+            at = asked.get(name)
+            at = float(np.clip(0.0, lower, upper)) if at is None else at
+            if not (lower <= at <= upper and math.isfinite(at)):
+                remedy = f"Write {lower:g} to {upper:g}"
+                raise ConfigError("--lock-joint", name, at, "is beyond its limits", remedy)
+            found[name] = at
+            about, text = ASKED if name in asked else NO_ROOM
+            notes.add(about, text, f"{name} at {at:g}")
+    return found
+
+
+def _room(joint: ET.Element) -> tuple[float, float]:
+    """Return between which positions a joint can be [rad or m]; the same ones if it is stuck."""
+    limit, mimic, kind = joint.find("limit"), joint.find("mimic"), joint.get("type", "")
+    where = f"URDF joint {_name(joint)!r:.80}"
+    if mimic is not None and figure(mimic, "multiplier", where) == 0.0:
+        offset = figure(mimic, "offset", where) or 0.0
+        return offset, offset
+    lower, upper = (figure(limit, key, where) or 0.0 for key in ("lower", "upper"))
+    limited = kind == "prismatic" or (kind == "revolute" and (lower or upper))
+    is_stuck = upper - lower <= ROOM
+    if not limited or lower > upper or (is_stuck and mimic is not None):
+        return -math.inf, math.inf
+    return lower, lower if is_stuck else upper
+
+
+def _move_origin(element: ET.Element, new: ET.Element, value: float, where: str) -> None:
+    """Put a joint's origin where its position brings what it carries."""
+    origin, axis = new.find("origin"), element.find("axis")
+    origin = ET.SubElement(new, "origin") if origin is None else origin
+    xyz, rpy = (triple(origin, key, where, 0.0) for key in ("xyz", "rpy"))
+    along = np.array([1.0, 0.0, 0.0]) if axis is None else triple(axis, "xyz", where, 1.0)
+    twist = np.zeros((2, 3))
+    twist[int(element.get("type") != "prismatic")] = value * along / (np.linalg.norm(along) or 1.0)
+    for key, values in zip(("xyz", "rpy"), moved_origin(xyz, rpy, twist.ravel()), strict=True):
+        origin.set(key, written(values))
+
+
+def _kinds(elements: list[ET.Element], locked: dict[str, float], notes: Notes) -> list[str]:
+    """What each joint is here: a free base is welded, and followers of fixed joints are locked."""
+    kinds = ["fixed" if _name(each) in locked else each.get("type", "") for each in elements]
     _weld_base(elements, kinds, notes)
     by_name = {element.get("name"): number for number, element in enumerate(elements)}
     changed = True
     while changed:  # a follower may be followed itself
         changed = False
         for number, element in enumerate(elements):
-            mimic = element.find("mimic")
+            mimic, name = element.find("mimic"), _name(element)
             if mimic is None or kinds[number] == "fixed":
                 continue
-            master = by_name.get(mimic.get("joint"))
-            if master is not None and kinds[master] == "fixed":
-                _check_rests_at_zero(element, mimic)
-                notes.add("read", "fixed, because they follow a fixed joint", _name(element))
-                kinds[number], changed = "fixed", True
+            master, where = str(mimic.get("joint")), f"URDF joint {name!r:.80}"
+            if kinds[by_name.get(master, number)] == "fixed":
+                ratio, offset = (figure(mimic, key, where) for key in ("multiplier", "offset"))
+                ratio = 1.0 if ratio is None else ratio
+                value = ratio * locked.get(master, 0.0) + (offset or 0.0)
+                notes.add("read", AFTER_OTHERS, f"{name} at {value:g}" if value else name)
+                kinds[number], locked[name], changed = "fixed", value, True
     return kinds
-
-
-def _check_rests_at_zero(element: ET.Element, mimic: ET.Element) -> None:
-    where = f"URDF joint {_name(element)!r:.80}"
-    if figure(mimic, "offset", where) or 0.0:
-        raise DescriptionError(
-            f"{where}: follows the fixed joint {mimic.get('joint')!r:.60} with an offset. "
-            "Make it fixed, with that turn in its <origin>."
-        )
 
 
 def _weld_base(elements: list[ET.Element], kinds: list[str], notes: Notes) -> None:
@@ -119,7 +187,8 @@ def _weld_base(elements: list[ET.Element], kinds: list[str], notes: Notes) -> No
             if kinds[above] not in {"fixed", *WELDED}:
                 raise DescriptionError(
                     f"{where}: {kind} within the robot, not at its base: it would take several "
-                    "coordinates. Write revolute and prismatic joints instead, one after another."
+                    "coordinates. Write revolute and prismatic joints instead, one after another, "
+                    "or lock it with --lock-joint."
                 )
         text = f"welded, because the base stands still here: {kind} joint of the base"
         notes.add("left out", text, _name(element))
@@ -226,8 +295,8 @@ def _what_is_wrong(lower: float, upper: float, kind: str) -> str | None:
     """Why no joint could keep such limits, and what would do; None of both 0, as of others."""
     if lower > upper:
         return f"are reversed, lower {lower:g} and upper {upper:g}. Swap them."
-    if lower == upper != 0.0:
-        return f"leave it no range, both are {lower:g}. Widen them, or make it fixed."
+    if lower == upper != 0.0:  # of a follower: others are locked
+        return "leave it no range."
     if kind == "revolute" and (lower >= ENDLESS or upper <= -ENDLESS):
         return f"leave it no angle below {ENDLESS:g} rad. Write them in rad, near 0."
     return None

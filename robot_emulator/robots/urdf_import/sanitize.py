@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.urdf import UrdfStructure, read_urdf
-from hoap3.robot_emulator.robots.urdf_import.joints import ReadJoint, read_joints
+from hoap3.robot_emulator.robots.urdf_import.joints import SPEED, ReadJoint, read_joints
 from hoap3.robot_emulator.robots.urdf_import.links import Visual, read_links
-from hoap3.robot_emulator.robots.urdf_import.names import robot_name
+from hoap3.robot_emulator.robots.urdf_import.names import rename_links, robot_name
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 from hoap3.robot_emulator.robots.urdf_import.source import Source
 
@@ -43,16 +44,20 @@ class Sanitized:
     visuals: tuple[Visual, ...]
 
 
-def sanitize(source: Source, notes: Notes, name: str | None = None, *, strict: bool) -> Sanitized:
+def sanitize(
+    source: Source, notes: Notes, name: str | None = None, lock: Sequence[str] = (), *, strict: bool
+) -> Sanitized:
     """Make a URDF that can travel.
 
     Args:
         source: what the vendor has.
         notes: takes what was found.
         name: of the robot; by default what the file says, or is called.
+        lock: joints that become fixed, each as NAME or NAME=VALUE.
         strict: a mesh that cannot be found or read is an error.
 
     Raises:
+        ConfigError: there is no such joint to lock.
         DescriptionError: something in it cannot be what it says; names the link or the joint.
     """
     robot = source.robot
@@ -63,8 +68,9 @@ def sanitize(source: Source, notes: Notes, name: str | None = None, *, strict: b
     if robot.find("link") is None:
         raise DescriptionError("URDF: no <link>. Is this a part of a robot that others include?")
     _count_the_rest(robot, notes)
-    made, joints = read_joints(robot, notes)
-    if not joints:
+    rename_links(robot, notes)
+    made, joints = read_joints(robot, notes, lock)
+    if not any(each.get("type") in SPEED for each in robot.findall("joint")):
         raise DescriptionError("URDF: no joint moves. There is nothing to control.")
     links = read_links(robot, source.search, notes, strict=strict)
     new = ET.Element("robot", name=name)

@@ -1,6 +1,8 @@
 """What a robot does whose file names no task: its tip moves a little, to where it can be.
 
-The tip is the link with the most moving joints above it. A target is where the tip comes to when
+The tip is the tool: a link called `tcp`, `tool0`, `flange` or `ee`, or else the one with the most
+joints above it; joints of a gripper do not count: sliders, followers and their masters at the end
+of a chain. A target is where the tip comes to when
 joints above it turn a little, each away from its nearer limit: so there is a posture in which it is
 there, all limits kept, even where the arm is stretched out, or has one joint only. All joints turn
 together first; then one alone, from the base on. The first target is taken that a walker arrives
@@ -10,16 +12,22 @@ a controller that turns few joints, and knows no limits, comes there too.
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from hoap3.protocol.description import DefaultTask, RobotDescription
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.protocol.urdf import UrdfStructure
 from hoap3.robot_emulator.robots.urdf_import.figures import triple
 
+TOOLS = ("tcp", "tool0", "flange", "ee")  # words in the names of tools, the likeliest first
+SHARE_OF_ARM = 3  # joints of a chain for each of its arm, at most
+GRIP_M = 0.12  # most travel of a finger that slides
 SHARE_OF_REACH = 0.05  # of the chain's reach: far enough to be seen, near enough to be quick
 SEEN_M = 0.01  # at least, however short the chain is
 LEAST_MOVE_M = 1e-3  # a tip that moves less is none
@@ -50,14 +58,62 @@ def chains(structure: UrdfStructure) -> dict[str, tuple[str, ...]]:
 
 
 def candidates(structure: UrdfStructure) -> list[str]:
-    """Links that move, the one with the most moving joints above it first; ties as in the file."""
+    """Links that move, the likeliest tool first; ties as in the file."""
     above = chains(structure)
-    moving = [link for link in structure.links if above[link]]
-    return sorted(moving, key=lambda link: -len(above[link]))
+    grips = _gripper_joints(structure)
+    arms = {link: _arm(joints, grips) for link, joints in above.items()}
+    longest = max(map(len, arms.values()))
+    firsts = [joints[len(arms[link])] for link, joints in above.items() if joints != arms[link]]
+    carriers = {structure.moved[joint].parent for joint in firsts}
+
+    def order(link: str) -> tuple[bool, int, bool, int, bool]:
+        is_finger, rank = above[link] != arms[link], _tool_rank(link)
+        is_named = rank < len(TOOLS) and not is_finger and 2 * len(above[link]) > longest
+        return not is_named, -len(arms[link]), is_finger, rank, link not in carriers
+
+    return sorted((link for link in structure.links if above[link]), key=order)
 
 
-def default_task(robot: RobotDescription) -> DefaultTask | None:
-    """Return a small motion of the tip, as seen from the root; None where no tip can be moved."""
+def _tool_rank(link: str) -> int:
+    """Return the place among `TOOLS` of what a link's name says, or their number."""
+    words = set(re.split(r"[^a-z0-9]+", re.sub(r"end_?effector|eef", "ee", link.lower())))
+    return next((i for i, tool in enumerate(TOOLS) if tool in words), len(TOOLS))
+
+
+def _gripper_joints(structure: UrdfStructure) -> set[str]:
+    """Return joints that may be of a gripper: short sliders, followers, and masters that branch."""
+    moved, masters = structure.moved, {each.master for each in structure.followers.values()}
+    beside = Counter(joint.parent for joint in moved.values())
+    return {
+        name
+        for name, joint in moved.items()
+        if joint.mimic is not None
+        or (name in masters and beside[joint.parent] > 1)
+        or (joint.kind == "prismatic" and (joint.upper or 0.0) - (joint.lower or 0.0) <= GRIP_M)
+    }
+
+
+def _arm(joints: tuple[str, ...], grips: set[str]) -> tuple[str, ...]:
+    """Return the joints of a chain without those of a gripper at its end, if an arm is left."""
+    left = joints
+    while SHARE_OF_ARM * len(left) > len(joints):
+        if left[-1] not in grips:
+            return left
+        left = left[:-1]
+    return joints
+
+
+def default_task(robot: RobotDescription, tip: str | None = None) -> DefaultTask | None:
+    """Return a small motion of the tip, as seen from the root; None where no tip can be moved.
+
+    Args:
+        robot: whose tip.
+        tip: the link; None: the likeliest tool that can move far enough, else the one that moves
+            furthest.
+
+    Raises:
+        ConfigError: the robot has no such link, or no joint moves its origin.
+    """
     structure = robot.structure
     above = chains(structure)
     dynamics = Dynamics(robot)
@@ -65,15 +121,21 @@ def default_task(robot: RobotDescription) -> DefaultTask | None:
     for link in candidates(structure):
         followers = structure.followers
         joints = [followers[name].master if name in followers else name for name in above[link]]
-        tip = _Tip(robot, dynamics, link, joints)
-        move = tip.small_move()
+        if tip not in {None, link}:
+            continue
+        walker = _Tip(robot, dynamics, link, joints)
+        move = walker.small_move()
         if move is None:
             continue
         length = float(np.linalg.norm(move))
-        if length >= tip.far:
+        if length >= walker.far:
             return _task(robot, link, move)
         if nearer is None or length > nearer[0]:
             nearer = length, link, move
+    if tip is not None and nearer is None:
+        others = [link for link in candidates(structure) if link != tip]
+        remedy = one_of(tip, others, "Links that joints move")
+        raise ConfigError("--tip", "", tip, "is no link whose origin a joint moves", remedy)
     return None if nearer is None else _task(robot, *nearer[1:])
 
 

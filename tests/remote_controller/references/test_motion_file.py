@@ -12,7 +12,11 @@ from hypothesis import strategies as st
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.references.trajectories.motion_file import QUATERNION, read_motion
+from hoap3.remote_controller.references.trajectories.motion_file import (
+    QUATERNION,
+    column_title,
+    read_motion,
+)
 from hoap3.remote_controller.references.trajectories.trajectory_settings import (
     AXES,
     TrajectorySettings,
@@ -166,3 +170,33 @@ def test_any_text_is_a_motion_or_one_error(rows, rest):
     else:
         assert (np.diff(found.times_s) > 0.0).all()
         assert np.isfinite(found.positions).all()
+
+
+NAMES = ("a", "a/velocity", "arm/j1", "t", "qx", "x", "a.b", "-")
+
+
+def test_columns_of_joints_whose_names_have_slashes_and_words_of_ours_are_theirs():
+    titles = [column_title(name) for name in NAMES]
+    header = ["t", *titles, *(f"{title}/velocity" for title in titles)]
+    rows = [[k, *np.arange(8) + k, *np.zeros(8)] for k in range(2)]
+    text = "\n".join(",".join(map(str, row)) for row in [header, *rows])
+    found = read_motion(text, "a.csv", NAMES)
+    assert found.names == NAMES
+    np.testing.assert_array_equal(found.positions[0], np.arange(8))
+    np.testing.assert_array_equal(found.velocities, np.zeros((2, 8)))
+
+
+def test_a_column_that_may_be_two_things_is_refused_with_both_spellings():
+    for title, positions, velocities in (
+        ("a/velocity", None, None),
+        ("a%2Fvelocity", ("a", "a/velocity"), None),
+        ("%61/velocity", ("a",), [[2.0], [4.0]]),
+    ):
+        csv = f"t,a,{title}\n0,1,2\n1,3,4\n"
+        if positions is None:
+            with pytest.raises(ConfigError, match=r"a%2Fvelocity or %61/velocity"):
+                read_motion(csv, "a.csv", NAMES)
+            continue
+        found = read_motion(csv, "a.csv", NAMES)
+        assert found.names == positions
+        assert (found.velocities is None) == (velocities is None)

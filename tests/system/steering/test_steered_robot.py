@@ -114,6 +114,24 @@ def test_its_numbers_change_by_key_or_by_name(steered, at):
             robot.change(regularisation=-1.0)
 
 
+def test_a_target_outside_its_limits_is_an_error_and_one_inside_is_waited_for(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        robot.acquire()
+        with pytest.raises(BadProblemError, match="x is 9"):
+            robot.send_target([9.0, -0.15, 0.35])
+        place = np.array([-0.45, -0.12, 0.4])
+        robot.send_target(place)
+        assert not robot.wait_until_reached(0.0)
+        assert robot.wait_until_reached(30.0)
+        found = robot.frame_pose("tool0")
+        np.testing.assert_allclose(found[:3], place, atol=1e-3)
+        np.testing.assert_allclose(found[:3], hand(robot.state().q), atol=1e-4)
+        assert np.linalg.norm(found[3:]) == pytest.approx(1.0)
+        with pytest.raises(hoap3.FrameNotFoundError, match="tool0"):
+            robot.frame_pose("tool")
+        assert "mode=ACTIVE" in repr(robot.state())
+
+
 def test_a_target_is_reached(steered, at):
     aim = np.array([-0.5, -0.15, 0.35])
     with hoap3.connect(ROBOT, at) as robot:
@@ -142,14 +160,14 @@ def test_wrong_targets_are_refused_before_they_are_sent(steered, at):
 def test_what_was_refused_can_be_asked_for(steered, at):
     with hoap3.connect(ROBOT, at) as robot:
         patiently(robot.acquire)
-        before = robot.counts()["refused"].get("out_of_range", 0)
-        robot.send_target([-500.0, -150.0, 350.0])  # millimetres
+        before = robot.counts()["refused"].get("too_far_ahead", 0)
+        robot.send_target([-0.5, -0.15, 0.35], first_tick=robot.state().tick + 1_000_000)
         patiently(lambda: assert_counted(robot, before + 1))
 
 
 def assert_counted(robot: Connection, times: int) -> None:
     """Raise what `patiently` waits for until it is counted."""
-    if robot.counts()["refused"].get("out_of_range", 0) < times:
+    if robot.counts()["refused"].get("too_far_ahead", 0) < times:
         raise UsageError("not yet")
 
 

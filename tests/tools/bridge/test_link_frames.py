@@ -14,7 +14,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.bridge.frame_transforms import SCHEMA, SCHEMA_NAME, FrameTransforms
-from hoap3.tools.bridge.link_frames import WORLD, LinkFrames
+from hoap3.tools.bridge.link_frames import LinkFrames, world_frame
 
 ROBOTS = {
     "hoap3": load("hoap3"),
@@ -36,7 +36,7 @@ def by_pinocchio(built: RobotModel, q: np.ndarray) -> dict[str, pin.SE3]:
 def chained(frames: LinkFrames, poses: np.ndarray) -> dict[str, pin.SE3]:
     """Each frame in the world, along the tree that is published."""
     waiting = list(zip(frames.parents, frames.children, poses, strict=True))
-    found = {WORLD: pin.SE3.Identity()}
+    found = {frames.parents[0]: pin.SE3.Identity()}
     while waiting:
         parent, child, pose = waiting.pop(0)
         if parent in found:
@@ -57,7 +57,7 @@ def test_every_link_is_where_pinocchio_has_it_seen_from_the_base_frame(name: str
     frames, built = LinkFrames(robot), build_model(robot)
     for q in samples(robot):
         ours, theirs = chained(frames, frames.poses(q, NOBODY)), by_pinocchio(built, q)
-        assert ours.keys() - {WORLD} == theirs.keys()
+        assert ours.keys() - {world_frame(robot)} == theirs.keys()
         for link, placed in theirs.items():
             seen = theirs[robot.base_frame].actInv(placed)
             assert np.allclose(ours[link].homogeneous, seen.homogeneous, rtol=0.0, atol=1e-12), link

@@ -145,7 +145,7 @@ def test_a_check_says_what_the_robot_is(here, as_folder):
     assert found["command_kinds"] == ["position", "acceleration"]
     assert found["mass_kg"]["all"] == pytest.approx(12.0)
     assert found["mass_kg"]["moving"] == pytest.approx(10.0)
-    assert found["default_task"]["point"] == "finger"
+    assert found["default_task"]["point"] == "hand"
     shown = inside("robot", "check", path)
     assert shown.code == 0
     assert "grip follows wrist" in shown.stdout

@@ -162,3 +162,72 @@ def test_of_a_motion_in_space_the_extremes_are_told(tmp_path: Path):
     told = look(str(file), "ur5", "linear", 1.0, 0.0)
     assert told["ranges_m"] == {"x": [0.3, 0.3], "y": [-0.1, 0.1], "z": [0.4, 0.5]}
     assert told["top_speed_m_s"] == pytest.approx(np.hypot(0.4, 0.2))
+
+
+FORMATS = {
+    "semicolons": ("t;elbow_joint\n0;1.6\n1;1.5\n", "commas"),
+    "tabs": ("t\telbow_joint\n0\t1.6\n1\t1.5\n", "commas"),
+    "blanks": ("t elbow_joint\n0 1.6\n1 1.5\n", "commas"),
+    "bars": ("t|elbow_joint\n0|1.6\n1|1.5\n", "commas"),
+    "decimal commas": ("t,elbow_joint\n0,0,1,6\n", "decimal point"),
+    "a comment first": ("# made by x\nt,elbow_joint\n0,1.6\n1,1.5\n", "begin with #"),
+    "a commented header": ("#t,elbow_joint\n0,1.6\n1,1.5\n", "begin with #"),
+    "a comment between": ("t,elbow_joint\n0,1.6\n// x\n1,1.5\n", "line 3"),
+    "YAML": ("joint_trajectory:\n  joint_names: [elbow_joint]\n", "not CSV"),
+    "JSON": ('{"joint_names": ["elbow_joint"]}\n', "not CSV"),
+    "XML": ("<a/>\n", "not CSV"),
+    "time": ("time,elbow_joint\n0,1.6\n1,1.5\n", "Call it t"),
+    "timestamp": ("timestamp_ms,elbow_joint\n0,1.6\n1,1.5\n", "seconds"),
+    "an export": ("log_time,tick,q.elbow_joint\n0,0,1.6\n1,1,1.5\n", "trajectory from"),
+    "nanoseconds": ("t,elbow_joint\n17e17,1.6\n1700000001e9,1.5\n", "nanoseconds: divide by 1e9"),
+    "milliseconds": ("t,elbow_joint\n17e11,1.6\n1700000001e3,1.5\n", "milliseconds: divide by 1e3"),
+    "a day in ms": ("t,elbow_joint\n0,1.6\n86400001,1.5\n", "milliseconds by 1e3"),
+    "a typing error": ("t,elbow_joit\n0,1.6\n1,1.5\n", "'elbow_joint'"),
+    "a topic": ("t,/joint_states/elbow_joint/position\n0,1.6\n1,1.5\n", "'elbow_joint'"),
+    "underscores": ("t,elbow_joint\n0,1.6\n1,1_0e-1\n", "'1_0e-1'"),
+    "other digits": ("t,elbow_joint\n0,1.6\n1,١\n", "line 3"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FORMATS)
+def test_another_format_is_refused_with_what_to_do(case, tmp_path: Path):
+    text, word = FORMATS[case]
+    file = tmp_path / "a.csv"
+    file.write_text(text)
+    done = inside("trajectory", "check", file, "--robot", "ur5")
+    assert done.code == 2
+    assert word in done.stderr
+
+
+def test_a_marked_file_is_read(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_bytes(b"\xef\xbb\xbft,elbow_joint\r\n0,1.6\r\n1,1.6\r\n")
+    assert inside("trajectory", "check", file, "--robot", "ur5").code == 0
+
+
+def test_a_jump_at_the_start_is_found(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_text("t,shoulder_pan_joint,elbow_joint\n0,1.0,1.6\n2,1.0,1.6\n")
+    check = "trajectory", "check", file, "--robot", "ur5", "--json", "--approach"
+    done = inside(*check, "0")
+    (found,) = done.json()["exceeded"]
+    assert done.code == 1
+    assert found["joint"] == "shoulder_pan_joint"
+    assert found["what"] == "jump of the position"
+    assert found["value"] == pytest.approx(1.0)
+    fits = done.json()["fits_with_approach_s"]
+    assert fits > 0.0
+    assert inside(*check, str(fits)).code == 0
+    assert inside(*check, str(0.99 * fits)).code == 1
+
+
+def test_units_are_named_where_limits_are_exceeded_and_where_steps_are_long(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    for text, code, word in (
+        ("t,shoulder_pan_joint\n0,0\n1,90\n2,0\n", 1, "degrees"),
+        ("t,shoulder_pan_joint\n0,0\n1000,0.1\n2000,0\n", 0, "milliseconds"),
+    ):
+        file.write_text(text)
+        done = inside("trajectory", "check", file, "--robot", "ur5", "--json")
+        assert done.code == code
+        assert any(word in hint for hint in done.json()["hints"])

@@ -19,7 +19,7 @@ from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireEr
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.messages import Event, Target
-from hoap3.tools.services import connection, find_robot
+from hoap3.tools.services import client, find_robot
 from hoap3.tools.services.connection import Connection
 
 ROBOT = arm().name
@@ -114,7 +114,7 @@ def test_what_came_while_the_process_was_stopped_is_not_missed(
         network.samples = [SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))]
 
     clock = SimpleNamespace(monotonic=lambda: now, sleep=stopped)
-    monkeypatch.setattr(connection, "time", clock)
+    monkeypatch.setattr(client, "time", clock)
     assert next(robot.events(timeout_s=1.0))["event"] == "AT_REST"
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.config.dotted_keys import split_key
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.registry import find
@@ -170,7 +171,9 @@ class _Followed:
         over_s = float(content.pop("over_s", self._over_s))
         over = max(over_s / self._run.description.period_s, 1.0)
         ways = {}
-        for path, after in _leaves(content, ()):
+        lists = (self._given.get(key) or () for key in ("tasks", "constraints"))
+        labels = [label for entries in lists for label in _labels(entries)]
+        for path, after in _leaves(content, (), labels):
             place = self._place_of(path)
             before = self._values[place] if place in self._values else self._read(place)
             ends = [self._spread(place, value) for value in (before, after)]
@@ -244,12 +247,12 @@ class _Followed:
 
 
 def _leaves(
-    node: Mapping[str, Any], prefix: tuple[str, ...]
+    node: Mapping[str, Any], prefix: tuple[str, ...], labels: Sequence[str]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
     for key, value in node.items():
-        path = (*prefix, *key.split("."))
+        path = (*prefix, *([key] if key in labels else split_key(key)))
         if isinstance(value, Mapping):
-            yield from _leaves(value, path)
+            yield from _leaves(value, path, labels)
         else:
             yield path, value
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 TRAJECTORY = "trajectory"
 FOLDER = "motion/"  # what the names of enclosed motions begin with
 QUATERNION = ["qx", "qy", "qz", "qw"]
+PARTS = {"position", "velocity", "acceleration"}
 DERIVATIVES = {"linear": 0, "cubic": 1, "quintic": 2}
 """How many derivatives each interpolation keeps at the points."""
 
@@ -96,23 +98,24 @@ def trajectory_of(given: Mapping[str, Any], names: Sequence[str], *, turns: bool
     if not isinstance(text, str) or not text:
         raise UnverifiableError("the points of a trajectory are not in the log")
     header, *lines = [line for line in text.splitlines() if line.strip()]
-    titles = [title.strip().removesuffix("/position") for title in header.split(",")]
+    titles = [_meaning(title.strip(), names) for title in header.split(",")]
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
-    column = dict(zip(titles, table.T, strict=True))
+    column = dict(zip(titles[1:], table.T[1:], strict=True))
     scaling = float(given.get("time_scaling", 1.0))
-    times = column[titles[0]] * scaling
-    there = [name for name in names if name in column]
-    place = np.column_stack([column[name] for name in there])
-    if turns and QUATERNION[0] in column:
-        place = np.hstack([place, _turns(np.column_stack([column[q] for q in QUATERNION]))])
+    times = table[:, 0] * scaling
+    there = [name for name in names if (name, "position") in column]
+    place = np.column_stack([column[name, "position"] for name in there])
+    if turns and (QUATERNION[0], "position") in column:
+        turn = np.column_stack([column[name, "position"] for name in QUATERNION])
+        place = np.hstack([place, _turns(turn)])
     velocity = CubicSpline(times, place, bc_type="clamped")(times, 1)
     acceleration = np.zeros_like(place)
-    moves = [f"{name}/velocity" for name in there]
+    moves = [(name, "velocity") for name in there]
     kept = 0
     if moves[0] in column:
         kept = 1
         velocity[:, : len(there)] = np.column_stack([column[name] for name in moves]) / scaling
-    bends = [f"{name}/acceleration" for name in there]
+    bends = [(name, "acceleration") for name in there]
     if bends[0] in column:
         kept = 2
         bent = np.column_stack([column[name] for name in bends])
@@ -124,6 +127,14 @@ def trajectory_of(given: Mapping[str, Any], names: Sequence[str], *, turns: bool
     points = np.stack([place, velocity, acceleration])
     approach = float(given.get("approach_s", 1.0))
     return Trajectory(times, points, kept, approach, places, len(names) + extra)
+
+
+def _meaning(title: str, names: Sequence[str]) -> tuple[str, str]:
+    """A column's name and whether it is its position, velocity or acceleration."""
+    name, _, part = title.rpartition("/")
+    if part in PARTS and unquote(name) in {*names, *QUATERNION}:
+        return unquote(name), part
+    return unquote(title), "position"
 
 
 def with_motions(content: Any, attachments: Mapping[str, bytes]) -> Any:

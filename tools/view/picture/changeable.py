@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from hoap3.protocol.config.dotted_keys import join_key
+
 MOST = 200  # sliders
 _UNIT = re.compile(r"\[([^\]]{1,16})\]\s*$")
 
@@ -57,4 +59,4 @@ def _flat(node: object, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
             if len(path) < 16:
                 yield from _flat(value, (*path, str(key)))
     elif path:
-        yield ".".join(path), node
+        yield join_key(path), node
