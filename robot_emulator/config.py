@@ -27,6 +27,7 @@ from hoap3.protocol.description import (
     DeadlineRule,
     Gravity,
 )
+from hoap3.protocol.description_parts import LEAST, MOST
 from hoap3.protocol.errors import UnknownNameError
 
 CONFIGS = Path(__file__).parent / "configs"
@@ -111,6 +112,7 @@ class LockstepSettings(Settings):
     compute_time_us: float = Field(
         200.0,
         ge=0,
+        le=1e9,
         description="from a State to its answer, in virtual time; beyond the deadline all are late",
     )
 
@@ -148,7 +150,8 @@ class EmulatorConfig(Settings):
     )
     setpoint_jerk_max: float | None = Field(
         None,
-        gt=0,
+        ge=LEAST,
+        le=MOST,
         description="greatest jerk of positions, of all joints [rad/s³ or m/s³]; null: that of "
         "the description",
     )

@@ -19,6 +19,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     ValidationError,
     model_validator,
+    field_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -31,6 +32,7 @@ from hoap3.protocol.config.yaml_text import read_yaml
 from hoap3.protocol.errors import ConfigError
 
 MAX_PARTS = 32  # of a dotted key
+HUGE, TINY = 1e12, 1e-30  # size of numbers in SI units
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
 STANDARD_OUTPUT = "stdout"
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
@@ -65,6 +67,16 @@ class Hoap3TcpSettings(Settings):
     init_port: Port = Field(2600, description="where a client says how many exchanges it wants")
     control_port: Port = Field(2200, description="where it then exchanges frames")
     order: Literal["paper", "legacy"] = Field(
+    @field_validator("*")
+    @classmethod
+    def _in_range(cls, value: Any) -> Any:
+        """Refuse numbers that no unit explains, and with which kernels overflow or never end."""
+        for number in value if isinstance(value, tuple | list) else (value,):
+            size = abs(number) if isinstance(number, int | float) else 0
+            if size > (HUGE if isinstance(number, float) else 2**63) or 0 < size < TINY:
+                raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
+        return value
+
         "paper", description="who sends first; paper: the robot, legacy: the client"
     )
     slots: Literal[21, 22] = Field(21, description="doubles in a frame; the 22nd means nothing")
