@@ -13,6 +13,8 @@ from typing import BinaryIO
 
 from hoap3.protocol.errors import ConfigError
 
+LFS_MARK = b"version https://git-lfs"
+
 
 def open_regular(path: Path) -> BinaryIO:
     """Open a regular file for reading, in binary mode.
@@ -38,10 +40,14 @@ def read_at_most(path: Path, limit: int) -> bytes:
     """The first `limit + 1` bytes of a regular file: more than `limit` shows that it is too large.
 
     Raises:
-        OSError: see `open_regular`.
+        OSError: see `open_regular`; or Git LFS has left a pointer in its place.
     """
     with open_regular(path) as stream:
-        return stream.read(limit + 1)
+        data = stream.read(limit + 1)
+    if data.startswith(LFS_MARK):
+        problem = "is a Git LFS pointer, not the file itself: run `git lfs pull` where it is from"
+        raise OSError(errno.EINVAL, problem, str(path))
+    return data
 
 
 def read_named(path: Path, limit: int, label: str, what: str) -> bytes:

@@ -5,6 +5,7 @@ The models that both services share stand here; each service adds its own.
 
 from __future__ import annotations
 
+import codecs
 import copy
 import re
 from collections.abc import Mapping, Sequence
@@ -18,8 +19,8 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     ValidationError,
-    model_validator,
     field_validator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -31,9 +32,19 @@ from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
 from hoap3.protocol.errors import ConfigError
 
-MAX_PARTS = 32  # of a dotted key
 HUGE, TINY = 1e12, 1e-30  # size of numbers in SI units
-SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
+MAX_PARTS = 32  # of a dotted key
+SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
+XML_FORMATS = {
+    "robot": ("is a URDF", "Name it where a robot is expected, and call it *.urdf"),
+    "mujoco": (
+        "is MJCF, not URDF",
+        "Name its URDF; MuJoCo reads it as plant.parameters.mjcf of an emulator config",
+    ),
+    "sdf": ("is SDF, not URDF", "Convert it, or name the vendor's URDF of this robot"),
+    "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
+}
+"""By their outermost element: what they are called, and what to do."""
 STANDARD_OUTPUT = "stdout"
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
@@ -56,6 +67,16 @@ class Settings(BaseModel):
         make_strict(schema)
         return schema
 
+    @field_validator("*")
+    @classmethod
+    def _in_range(cls, value: Any) -> Any:
+        """Refuse numbers that no unit explains, and with which kernels overflow or never end."""
+        for number in value if isinstance(value, tuple | list) else (value,):
+            size = abs(number) if isinstance(number, int | float) else 0
+            if size > (HUGE if isinstance(number, float) else 2**63) or 0 < size < TINY:
+                raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
+        return value
+
 
 Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]
 
@@ -67,16 +88,6 @@ class Hoap3TcpSettings(Settings):
     init_port: Port = Field(2600, description="where a client says how many exchanges it wants")
     control_port: Port = Field(2200, description="where it then exchanges frames")
     order: Literal["paper", "legacy"] = Field(
-    @field_validator("*")
-    @classmethod
-    def _in_range(cls, value: Any) -> Any:
-        """Refuse numbers that no unit explains, and with which kernels overflow or never end."""
-        for number in value if isinstance(value, tuple | list) else (value,):
-            size = abs(number) if isinstance(number, int | float) else 0
-            if size > (HUGE if isinstance(number, float) else 2**63) or 0 < size < TINY:
-                raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
-        return value
-
         "paper", description="who sends first; paper: the robot, legacy: the client"
     )
     slots: Literal[21, 22] = Field(21, description="doubles in a frame; the 22nd means nothing")
@@ -260,10 +271,10 @@ def load_yaml(path: Path) -> dict[str, Any]:
     """
     file = str(path)
     data = read_named(path, MAX_CONFIG_BYTES, file, "a YAML file")
-    start = data[:SNIFFED].lstrip()
-    if start.startswith(b"<") and b"<robot" in start:
-        remedy = "Name it where a robot is asked for, as *.urdf; see docs/new_robot.md"
-        raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
+    start = data.removeprefix(codecs.BOM_UTF8).lstrip()[:SNIFFED]
+    for tag, (problem, remedy) in XML_FORMATS.items() if start.startswith(b"<") else ():
+        if f"<{tag}".encode() in start:
+            raise ConfigError(file, "", None, problem, remedy)
     return parse_yaml(data, file)
 
 

@@ -500,3 +500,22 @@ def test_numbers_of_all_units_are_taken():
         **content,
         "place_m": (0, 1e-30, 1e9),
     }
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("<?xml version='1.0'?><!-- a licence --><mujoco model='arm'/>", "plant.parameters.mjcf"),
+        ("\ufeff<mujoco/>", "plant.parameters.mjcf"),
+        ("<sdf version='1.7'/>", "Convert"),
+        ("<robot name='arm'/>", "*.urdf"),
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:abc\nsize 12\n", "git lfs pull"),
+    ],
+)
+def test_another_format_is_called_by_its_name(tmp_path, text, remedy):
+    path = tmp_path / "arm.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_yaml(path)
+    assert remedy in str(caught.value)
+    assert "YAML" not in str(caught.value).replace("a YAML file", "")
