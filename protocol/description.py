@@ -344,7 +344,7 @@ class RobotDescription(Part):
                 refuse(f"posture {posture!r:.60}", f"{len(values)} values", remedy)
             for joint, value in zip(self.joints, values, strict=True):
                 inside = joint.lower_hard <= value <= joint.upper_hard
-                if not (inside and abs(value) <= Joint.most):
+                if not (inside and math.isfinite(value)):
                     raise DescriptionError(
                         f"posture {posture!r:.60}: joint {joint.name!r} at {value}. "
                         f"Stay within [{joint.lower_hard}, {joint.upper_hard}]."

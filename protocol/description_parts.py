@@ -101,7 +101,6 @@ class Joint(Part):
     """
 
     kind: ClassVar[str] = "joint"
-    most: ClassVar[float] = MOST
     label: ClassVar[str] = "name"
 
     name: StrictStr

@@ -178,7 +178,8 @@ def not_well_formed(error: Exception) -> str:
     if "declaration not at start" in str(error):
         remedy = "Move <?xml ..?> to the very start of the file, before comments and blank lines"
     elif "unbound prefix" in str(error):
-        remedy = 'Declare the prefix there in <robot>, such as xmlns:drake="http://drake.mit.edu"'
+        xmlns = 'xmlns:xacro="http://www.ros.org/wiki/xacro" or xmlns:drake="http://drake.mit.edu"'
+        remedy = f"Declare the prefix of that place in <robot>, such as {xmlns}"
     return f"not well-formed XML ({error}). {remedy}."
 
 

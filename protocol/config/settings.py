@@ -37,10 +37,7 @@ MAX_PARTS = 32  # of a dotted key
 SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
 XML_FORMATS = {
     "robot": ("is a URDF", "Name it where a robot is expected, and call it *.urdf"),
-    "mujoco": (
-        "is MJCF, not URDF",
-        "Name its URDF; MuJoCo reads it as plant.parameters.mjcf of an emulator config",
-    ),
+    "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco has plant.parameters.mjcf"),
     "sdf": ("is SDF, not URDF", "Convert it, or name the vendor's URDF of this robot"),
     "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
 }
@@ -71,10 +68,12 @@ class Settings(BaseModel):
     @classmethod
     def _in_range(cls, value: Any) -> Any:
         """Refuse numbers that no unit explains, and with which kernels overflow or never end."""
-        for number in value if isinstance(value, tuple | list) else (value,):
-            size = abs(number) if isinstance(number, int | float) else 0
-            if size > (HUGE if isinstance(number, float) else 2**63) or 0 < size < TINY:
-                raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
+        if isinstance(value, tuple | list):
+            for each in value:
+                cls._in_range(each)
+        size = abs(value) if isinstance(value, int | float) else 0
+        if size > (HUGE if isinstance(value, float) else 2**63) or 0 < size < TINY:
+            raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
         return value
 
 

@@ -32,9 +32,7 @@ Strict = Annotated[
 def import_(
     file: Annotated[
         str,
-        typer.Argument(
-            metavar="FILE", help="URDF, xacro with NAME:=VALUE, or robot_descriptions:NAME."
-        ),
+        typer.Argument(metavar="FILE", help="URDF, xacro NAME:=VALUE, robot_descriptions:NAME"),
     ],
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder to write; default: the robot's name.")

@@ -117,8 +117,8 @@ def count_the_rest(robot: ET.Element, notes: Notes) -> None:
 def _count(element: ET.Element, part: str, unknown: defaultdict[str, Counter[str]]) -> None:
     """Count what an element of a link or a joint, or <robot> itself, holds and nobody reads."""
     attributes, once, often = UNDERSTOOD[element.tag]
-    if element.tag == "joint" and element.get("type") == "fixed":
-        once = ["origin", "parent", "child", "axis"]
+    fixed = element.tag == "joint" and element.get("type") == "fixed"
+    once = ["origin", "parent", "child", "axis"] if fixed else once
     for key in element.attrib:
         if key not in attributes and not (element.tag == "limit" and _short(key) in RATES):
             unknown["attributes that mean nothing here"][f"{_short(key)} of <{element.tag}>"] += 1
@@ -130,7 +130,8 @@ def _count(element: ET.Element, part: str, unknown: defaultdict[str, Counter[str
             what = "given more than once, so that the first holds"
             unknown[what][f"<{child.tag}> of {part}"] += 1
         elif child.tag not in {*once, *often} and element.tag != "geometry":
-            unknown["elements that mean nothing here"][f"<{_short(child.tag)}>"] += 1
+            of = " of fixed joints" if fixed and child.tag in UNDERSTOOD else ""
+            unknown["elements that mean nothing here"][f"<{_short(child.tag)}>{of}"] += 1
         elif part and child.tag in UNDERSTOOD:
             _count(child, part, unknown)
 
@@ -147,9 +148,7 @@ def _normalize(robot: ET.Element, notes: Notes) -> None:
             if "quat_xyzw" in element.attrib:
                 element.set("rpy", _roll_pitch_yaw(element, where))
             if element.tag != "axis":
-                words = " ".join(
-                    element.get(key, "") for key in ("xyz", "size", "length", "radius")
-                )
+                words = " ".join(element.get(key, "") for key in LENGTHS)
                 notes.lengths(words.split(), f"{part.tag} {part.get('name')}")
         limit = part.find("limit")
         if part.tag == "joint" and limit is not None:

@@ -62,10 +62,7 @@ def parse_robot(data: bytes) -> ET.Element:
 
 def is_xacro(root: ET.Element) -> bool:
     """Whether there is something for xacro to do."""
-    return any(
-        isinstance(each.tag, str) and each.tag.startswith("{") and "xacro" in each.tag.split("}")[0]
-        for each in root.iter()
-    )
+    return any("xacro" in str(each.tag).rpartition("}")[0] for each in root.iter())
 
 
 def _why(data: bytes, error: Exception) -> str:
@@ -77,10 +74,5 @@ def _why(data: bytes, error: Exception) -> str:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as wrong:
-        return (
-            f"byte {wrong.start} is not UTF-8, and the file states no other encoding. "
-            "Save it as UTF-8."
-        )
-    if b"<xacro:" in data:  # a prefix that is not declared
-        return 'a xacro file without xmlns:xacro="http://www.ros.org/wiki/xacro". Add that.'
+        return f"byte {wrong.start} is not UTF-8. Save it as UTF-8, or state its encoding."
     return not_well_formed(error)

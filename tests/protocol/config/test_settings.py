@@ -476,6 +476,7 @@ class Figures(Settings):
 
     rate: float = 0.0
     place_m: tuple[float, ...] = ()
+    points: tuple[tuple[float, ...], ...] = ()
     count: int = 0
 
 
@@ -483,7 +484,7 @@ class Figures(Settings):
     "content",
     [
         {"rate": 1e300}, {"rate": -1e13}, {"rate": 1e-308}, {"rate": -1e-300}, {"count": 10**30},
-        {"place_m": [0.0, 1e300, 0.0]},
+        {"place_m": [0.0, 1e300, 0.0]}, {"points": [[0.0], [1e300]]},
     ],
 )  # fmt: skip
 def test_numbers_that_no_unit_explains_are_refused(content):
@@ -496,10 +497,8 @@ def test_numbers_that_no_unit_explains_are_refused(content):
 
 def test_numbers_of_all_units_are_taken():
     content = {"rate": -1e12, "place_m": [0.0, 1e-30, 1e9], "count": 2**62}
-    assert parse(Figures, content, "mine.yaml").model_dump() == {
-        **content,
-        "place_m": (0, 1e-30, 1e9),
-    }
+    found = parse(Figures, content, "mine.yaml")
+    assert (found.rate, found.place_m, found.count) == (-1e12, (0.0, 1e-30, 1e9), 2**62)
 
 
 @pytest.mark.parametrize(

@@ -61,9 +61,8 @@ def sunk(model: Any, data: Any) -> list[str]:
     """Bodies that are inside what stands still, such as the floor, a text each."""
     found: dict[str, float] = {}
     for contact in data.contact[: data.ncon]:
-        bodies = model.geom_bodyid[contact.geom]
-        fixed = model.body_weldid[bodies] == 0
-        if contact.dist < -SUNK and fixed.any() and not fixed.all():
-            name = model.body(bodies[~fixed][0]).name
+        bodies = [body for body in model.geom_bodyid[contact.geom] if model.body_weldid[body]]
+        if contact.dist < -SUNK and len(bodies) == 1:
+            name = model.body(bodies[0]).name
             found[name] = max(found.get(name, 0.0), -float(contact.dist))
     return [f"{name} by {depth:.3g} m" for name, depth in found.items()]
