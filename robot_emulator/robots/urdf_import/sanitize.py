@@ -122,7 +122,7 @@ def _count(element: ET.Element, part: str, unknown: defaultdict[str, Counter[str
     for key in element.attrib:
         if key not in attributes and not (element.tag == "limit" and _short(key) in RATES):
             unknown["attributes that mean nothing here"][f"{_short(key)} of <{element.tag}>"] += 1
-    seen = set()
+    seen: set[str] = set()
     for child in element:
         again = child.tag in seen or (element.tag == "geometry" and len(seen) > 0)
         seen.add(child.tag)
