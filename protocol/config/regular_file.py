@@ -13,8 +13,6 @@ from typing import BinaryIO
 
 from hoap3.protocol.errors import ConfigError
 
-LFS_MARK = b"version https://git-lfs"
-
 
 def open_regular(path: Path) -> BinaryIO:
     """Open a regular file for reading, in binary mode.
@@ -44,9 +42,8 @@ def read_at_most(path: Path, limit: int) -> bytes:
     """
     with open_regular(path) as stream:
         data = stream.read(limit + 1)
-    if data.startswith(LFS_MARK):
-        problem = "is a Git LFS pointer, not the file itself: run `git lfs pull` where it is from"
-        raise OSError(errno.EINVAL, problem, str(path))
+    if data.startswith(b"version https://git-lfs"):
+        raise OSError(errno.EINVAL, "is a Git LFS pointer: run `git lfs pull` there", str(path))
     return data
 
 

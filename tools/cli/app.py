@@ -536,9 +536,8 @@ def _with_xacro_arguments(words: list[str]) -> list[str]:
     rest = [word for word in words if word not in arguments]
     file = next((place for place, word in enumerate(rest) if is_source(word)), None)
     if file is None:
-        problem = "is an argument of a xacro file, and no such file is named here"
-        remedy = "Name it as *.xacro; in a config write `robot: FILE NAME:=VALUE`"
-        raise ConfigError("command line", "", arguments[0], problem, remedy)
+        remedy = "Name the xacro file here, or write `robot: FILE NAME:=VALUE` into a config"
+        raise UsageError(f"{arguments[0]}: no xacro file is named that takes it. {remedy}")
     rest[file] = " ".join((rest[file], *arguments))
     return rest
 

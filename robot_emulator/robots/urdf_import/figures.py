@@ -10,8 +10,6 @@ from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.urdf import is_finite, xacro_hint
 
-INFINITE = {"inf", "infinity"}
-
 
 def figure(element: ET.Element | None, attribute: str, where: str) -> float | None:
     """A number, possibly infinite; None where it is not given.
@@ -23,7 +21,7 @@ def figure(element: ET.Element | None, attribute: str, where: str) -> float | No
     if element is None or text is None:
         return None
     number = text.strip()
-    if not (is_finite(number) or number.lower().lstrip("+-") in INFINITE):
+    if not (is_finite(number) or number.lower().lstrip("+-") in {"inf", "infinity"}):
         raise DescriptionError(
             f"{where}: <{element.tag} {attribute}>: found {text[:60]!r}. Write a number"
             f"{xacro_hint(text)}."
@@ -31,19 +29,10 @@ def figure(element: ET.Element | None, attribute: str, where: str) -> float | No
     return float(number)
 
 
-def triple(element: ET.Element | None, attribute: str, where: str, otherwise: float) -> FloatArray:
-    """Three finite numbers, (3,); all `otherwise` where they are not given.
-
-    Raises:
-        DescriptionError: not three finite numbers.
-    """
-    return numbers(element, attribute, where, otherwise, 3)
-
-
-def numbers(
-    element: ET.Element | None, attribute: str, where: str, otherwise: float, count: int
+def triple(
+    element: ET.Element | None, attribute: str, where: str, otherwise: float, count: int = 3
 ) -> FloatArray:
-    """Finite numbers, (count,); all `otherwise` where they are not given.
+    """Three finite numbers, or `count` of them, (count,); all `otherwise` if they are not given.
 
     Raises:
         DescriptionError: not so many finite numbers.

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.robot.pinocchio_model import roll_pitch_yaw
 from hoap3.protocol.urdf import UrdfStructure, read_urdf
-from hoap3.robot_emulator.robots.urdf_import.figures import figure, numbers
+from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
 from hoap3.robot_emulator.robots.urdf_import.joints import ENDLESS, RATES, ReadJoint, read_joints
 from hoap3.robot_emulator.robots.urdf_import.links import Visual, read_links
 from hoap3.robot_emulator.robots.urdf_import.names import robot_name
@@ -37,7 +37,6 @@ UNDERSTOOD = {
 <material> is colour, and colour does not matter.
 """
 LENGTHS = ("xyz", "size", "length", "radius")
-VERSIONS = {"1", "1.0", "1.1", "1.2"}
 PLACEHOLDERS = {"velocity": 1e3, "effort": 1e6, **dict.fromkeys(RATES, 1e9)}
 """From which value on a limit is none, as exporters write it."""
 LARGE = {"lower": 13.0, "upper": 13.0, "velocity": 60.0}
@@ -108,7 +107,7 @@ def count_the_rest(robot: ET.Element, notes: Notes) -> None:
         _count(part, f"{part.tag} {part.get('name', '')!r:.70}", unknown)
     _count(robot, "", unknown)
     version = robot.get("version", "1.0")
-    if version.strip() not in VERSIONS:
+    if version.strip() not in {"1", "1.0", "1.1", "1.2"}:
         notes.add("read", f"as URDF 1.2, though <robot version> is {version!r:.20}")
     for what, found in unknown.items():
         notes.add("left out", what, *(f"{count} {each}" for each, count in found.most_common()))
@@ -159,7 +158,7 @@ def _roll_pitch_yaw(origin: ET.Element, where: str) -> str:
     """The `rpy` of an <origin> that has `quat_xyzw`, as URDF 1.1 may."""
     from scipy.spatial.transform import Rotation
 
-    quaternion = numbers(origin, "quat_xyzw", where, 0.0, 4)
+    quaternion = triple(origin, "quat_xyzw", where, 0.0, 4)
     if "rpy" in origin.attrib or not quaternion.any():
         raise DescriptionError(
             f"{where}: <origin quat_xyzw> is {origin.get('quat_xyzw'):.60}, and rpy is "
@@ -197,7 +196,6 @@ def _normalize_limits(joint: ET.Element, limit: ET.Element, where: str, notes: N
     if follows or kind == "continuous" or not lower < upper:
         notes.add("left out", "soft limits that leave no range, or of joints without stops", name)
         return
-    text = "soft limits of <safety_controller> are the usable range, and <limit> the stops"
-    notes.add("read", text, name)
+    notes.add("read", f"soft limits of <{SOFT}> are the usable range, and <limit> the stops", name)
     for key, end, stop in zip(("lower", "upper"), (lower, upper), hard, strict=True):
         limit.attrib |= {key: repr(end), f"hard_{key}": repr(stop)}

@@ -10,10 +10,9 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.plants.mujoco.model import MujocoModel
 
-NEAR, ALIGNED = 1e-3, 1e-3  # m, and of a unit vector: less is rounding of the files
+NEAR = ALIGNED = SUNK = 1e-3  # m, and of a unit vector: less is rounding, or a contact at rest
 HEAVIER = 0.02  # of the moving mass
 BENT = 0.3  # rad or m at most from the start posture, so that no axes are parallel by chance
-SUNK = 1e-3  # m: deeper in the floor than this is no contact at rest
 
 
 def differences(mujoco: Any, built: MujocoModel, description: RobotDescription) -> list[str]:
