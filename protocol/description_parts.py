@@ -25,7 +25,8 @@ from hoap3.protocol.errors import DescriptionError, did_you_mean
 FAR_M = 1e6  # of a corner of a sole
 MAX_CORNERS = 64
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+LEAST, MOST = 1e-9, 1e12  # of limits, in SI units; beyond them kernels overflow or never end
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MOST, le=MOST)]
 
 
 def _or_infinite(sign: float) -> Callable[[object], object]:
@@ -122,8 +123,9 @@ class Joint(Part):
             refuse("name", self.name, "Use letters, digits and _ . / - only, at most 64.")
         for key in ("lower_hard", "upper_hard", "lower", "upper"):
             limit, none = getattr(self, key), -math.inf if key.startswith("lower") else math.inf
-            if not (math.isfinite(limit) or limit == none):
-                refuse(key, limit, "Write a finite number, or null where there is no limit.")
+            if not (abs(limit) <= MOST or limit == none):
+                remedy = f"Write a finite number up to {MOST:g}, or null where there is no limit."
+                refuse(key, limit, remedy)
         if not self.lower < self.upper:
             refuse("lower", self.lower, f"It must be less than upper, {self.upper}.")
         if self.lower < self.lower_hard:
@@ -137,8 +139,9 @@ class Joint(Part):
             "effort",
             "setpoint_jerk_max",
         ):
-            if not getattr(self, key) > 0.0:
-                refuse(key, getattr(self, key), "Write a positive number.")
+            if not LEAST <= getattr(self, key) <= MOST and getattr(self, key) != math.inf:
+                remedy = f"Write a positive number between {LEAST:g} and {MOST:g}."
+                refuse(key, getattr(self, key), remedy)
         if self.effort_average is not None and not 0.0 < self.effort_average <= self.effort:
             refuse("effort_average", self.effort_average, f"Stay between 0 and {self.effort}.")
         if self.encoder_counts_per_rad == 0.0:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from xml.etree import ElementTree as ET
 
+from hoap3.protocol.config.settings import XML_FORMATS
 from hoap3.protocol.errors import DescriptionError, did_you_mean
 from hoap3.protocol.urdf_followers import Follower, Mimic, resolve
 
@@ -42,6 +43,7 @@ _XACRO = (
 )
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _LIMITS = ("lower", "upper", "velocity", "effort")
+_RATES = ("acceleration", "deceleration", "jerk")  # of <limit>, since URDF 1.2
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NUMBERS = {  # attributes that must hold that many finite numbers
     "origin": {"xyz": 3, "rpy": 3},
@@ -51,7 +53,7 @@ _NUMBERS = {  # attributes that must hold that many finite numbers
     "cylinder": {"radius": 1, "length": 1},
     "sphere": {"radius": 1},
     "inertia": dict.fromkeys(_INERTIA, 1),
-    "limit": dict.fromkeys(_LIMITS, 1),
+    "limit": dict.fromkeys((*_LIMITS, *_RATES), 1),
     "dynamics": {"damping": 1, "friction": 1},
     "mimic": {"multiplier": 1, "offset": 1},
 }
@@ -61,8 +63,9 @@ _NUMBERS = {  # attributes that must hold that many finite numbers
 class UrdfJoint:
     """A joint as the URDF has it; limits in rad, rad/s, N m (or m, m/s, N), None if not given.
 
-    A continuous joint has no `lower` and no `upper`, whatever its <limit> says; `mimic` is what
-    a follower says of its master.
+    `acceleration`, `deceleration` [rad/s²] and `jerk` [rad/s³] are those of URDF 1.2. A continuous
+    joint has no `lower` and no `upper`, whatever its <limit> says; `mimic` is what a
+    follower says of its master.
     """
 
     name: str
@@ -74,6 +77,9 @@ class UrdfJoint:
     velocity: float | None
     effort: float | None
     mimic: Mimic | None = None
+    acceleration: float | None = None
+    deceleration: float | None = None
+    jerk: float | None = None
 
 
 @dataclass(frozen=True)
@@ -161,13 +167,31 @@ def _parse(text: str) -> ET.Element:
     except (ET.ParseError, UnicodeError) as error:
         if "<xacro:" in text:  # a prefix that is not declared
             raise DescriptionError(_XACRO) from error
-        raise DescriptionError(
-            f"URDF: not well-formed XML ({error}). Correct that place."
-        ) from error
+        raise DescriptionError(f"URDF: {not_well_formed(error)}") from error
     if root is None or root.tag != "robot":
-        found = "nothing" if root is None else f"<{root.tag[:40]}>"
-        raise DescriptionError(f"URDF: the outermost element is {found}. Write <robot name=..>.")
+        raise DescriptionError(f"URDF: {wrong_root('' if root is None else root.tag)}")
     return root
+
+
+def not_well_formed(error: Exception) -> str:
+    """Say why text is not XML, and what to do."""
+    remedy = "Correct that place"
+    if "declaration not at start" in str(error):
+        remedy = "Move <?xml ..?> to the very start of the file, before comments and blank lines"
+    elif "unbound prefix" in str(error):
+        xmlns = 'xmlns:xacro="http://www.ros.org/wiki/xacro" or xmlns:drake="http://drake.mit.edu"'
+        remedy = f"Declare the prefix of that place in <robot>, such as {xmlns}"
+    return f"not well-formed XML ({error}). {remedy}."
+
+
+def wrong_root(tag: str) -> str:
+    """Say what a file is whose outermost element is not <robot>, and what to do."""
+    namespace, _, name = tag.rpartition("}")
+    if namespace and name == "robot":
+        return f'<robot> has xmlns="{namespace[1:61]}". Remove that attribute.'
+    if name in XML_FORMATS:
+        return ". ".join(XML_FORMATS[name])
+    return f"the outermost element is <{tag[:40]}>. Write <robot name=..>."
 
 
 def _check_shapes(robot: ET.Element) -> None:
@@ -189,6 +213,9 @@ def _check_numbers(robot: ET.Element) -> None:
     for part in robot:
         where = f"URDF {part.tag[:40]} {part.get('name')!r:.{MAX_NAME}}"
         for element in part.iter():
+            if element.tag == "origin" and "quat_xyzw" in element.attrib:
+                remedy = "Write rpy instead, or make the robot with `hoap3 robot import`"
+                raise DescriptionError(f"{where}: <origin quat_xyzw> is not read here. {remedy}.")
             for attribute, text in element.attrib.items():
                 count = _NUMBERS.get(element.tag, {}).get(attribute)
                 if count is not None:
@@ -203,17 +230,25 @@ def _check_numbers(robot: ET.Element) -> None:
 
 def _numbers(where: str, text: str, count: int) -> None:
     words = text.split()
-    if len(words) != count or not all(map(_is_finite, words)):
+    if len(words) != count or not all(map(is_finite, words)):
         raise DescriptionError(
             f"{where}: found {text[:60]!r}. Write {count} finite number(s), each of at most "
-            f"{MAX_NUMBER} characters."
+            f"{MAX_NUMBER} characters{xacro_hint(text)}."
         )
 
 
-def _is_finite(word: str) -> bool:
+def is_finite(word: str) -> bool:
+    """Whether text is a finite decimal number: ASCII digits, and no `_` between them."""
     if len(word) > MAX_NUMBER or not _NUMBER.fullmatch(word):
         return False
     return math.isfinite(float(word))
+
+
+def xacro_hint(text: str) -> str:
+    """Say what to do about a xacro expression that stands where a number should."""
+    if "$(" in text or "${" in text:
+        return ", or expand this xacro expression first: `xacro FILE > robot.urdf`"
+    return ""
 
 
 def _check_inertias(robot: ET.Element, moving: frozenset[str]) -> bool:
@@ -287,12 +322,11 @@ def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
             f"{where}: its limits are not complete. "
             'Write <limit lower=".." upper=".." velocity=".." effort="..">.'
         )
-    used = _LIMITS[2:] if kind == CONTINUOUS else _LIMITS
-    lower, upper, velocity, effort = (
-        float(given[key]) if key in used and key in given else None for key in _LIMITS
-    )
+    used = (*(_LIMITS[2:] if kind == CONTINUOUS else _LIMITS), *_RATES)
+    limits = {key: float(given[key]) for key in used if key in given}
     follows = None if mimic is None else Mimic.read(where, mimic.attrib)
-    return UrdfJoint(name, kind, ends[0], ends[1], lower, upper, velocity, effort, follows)
+    figures = {**dict.fromkeys(_LIMITS), **limits}
+    return UrdfJoint(name, kind, ends[0], ends[1], mimic=follows, **figures)
 
 
 def _tree(links: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> tuple[str, frozenset[str]]:

@@ -27,11 +27,12 @@ from hoap3.protocol.description import (
     DeadlineRule,
     Gravity,
 )
+from hoap3.protocol.description_parts import LEAST, MOST
 from hoap3.protocol.errors import UnknownNameError
 
 CONFIGS = Path(__file__).parent / "configs"
 FAR_M = 1000.0
-PATHS = (".yaml", ".yml", ".urdf", ".xacro")  # endings of a robot's name that make it a path
+PATHS = (".yaml", ".yml")  # endings of a robot's name that make it a path
 
 
 class ContactSettings(Settings):
@@ -111,6 +112,7 @@ class LockstepSettings(Settings):
     compute_time_us: float = Field(
         200.0,
         ge=0,
+        le=1e9,
         description="from a State to its answer, in virtual time; beyond the deadline all are late",
     )
 
@@ -154,7 +156,8 @@ class EmulatorConfig(Settings):
     )
     setpoint_jerk_max: float | None = Field(
         None,
-        gt=0,
+        ge=LEAST,
+        le=MOST,
         description="greatest jerk of positions, of all joints [rad/s³ or m/s³]; null: that of "
         "the description",
     )
@@ -212,10 +215,12 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
         check_path(name, "an emulator config, or a robot's folder, YAML file or URDF")
         known = {*available_configs(), *available()}
         raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")
+    from hoap3.robot_emulator.robots.urdf_import.source import absolute, is_source
+
     content = load_yaml(path)
     robot = content.get("robot")
-    if isinstance(robot, str) and ("/" in robot or robot.endswith(PATHS)):
-        content["robot"] = str((path.parent / robot).resolve())
+    if isinstance(robot, str) and ("/" in robot or robot.endswith(PATHS) or is_source(robot)):
+        content["robot"] = absolute(robot, path.parent)
     plant = content.get("plant")
     parameters = plant.get("parameters") if isinstance(plant, dict) else None
     if isinstance(parameters, dict) and isinstance(parameters.get("mjcf"), str):

@@ -29,7 +29,7 @@ from hoap3.robot_emulator.config import read_config as read_emulator_config
 from hoap3.robot_emulator.loop import RobotLoop
 from hoap3.robot_emulator.robots import available as available_robots
 from hoap3.robot_emulator.robots import load_configured
-from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source
+from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, absolute, is_source
 from hoap3.robot_emulator.service import build_loop, describe
 from hoap3.tools.logs.motion_files import as_written, enclosed
 
@@ -209,7 +209,7 @@ def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
     if robot.startswith(f"{DESCRIPTIONS}:"):
         return {"robot": robot}, f"robot {robot}"
     if path.is_dir() or path.name == "robot.yaml" or is_source(robot):
-        return {"robot": str(path.resolve())}, f"robot {robot}"
+        return {"robot": absolute(robot, Path())}, f"robot {robot}"
     return read_emulator_config(robot)
 
 

@@ -38,10 +38,13 @@ def read_at_most(path: Path, limit: int) -> bytes:
     """The first `limit + 1` bytes of a regular file: more than `limit` shows that it is too large.
 
     Raises:
-        OSError: see `open_regular`.
+        OSError: see `open_regular`; or Git LFS has left a pointer in its place.
     """
     with open_regular(path) as stream:
-        return stream.read(limit + 1)
+        data = stream.read(limit + 1)
+    if data.startswith(b"version https://git-lfs"):
+        raise OSError(errno.EINVAL, "is a Git LFS pointer: run `git lfs pull` there", str(path))
+    return data
 
 
 def read_named(path: Path, limit: int, label: str, what: str) -> bytes:

@@ -5,6 +5,7 @@ The models that both services share stand here; each service adds its own.
 
 from __future__ import annotations
 
+import codecs
 import copy
 import re
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     ValidationError,
+    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
@@ -31,9 +33,17 @@ from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
 from hoap3.protocol.errors import ConfigError
 
+HUGE, TINY = 1e12, 1e-30  # size of numbers in SI units
 MAX_PARTS = 32  # of a dotted key
-SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
+SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
 _ASSIGNED = re.compile(r'((?:"[^"]*"|[^"=])+)=')
+XML_FORMATS = {
+    "robot": ("is a URDF", "Name it where a robot is expected, and call it *.urdf"),
+    "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco has plant.parameters.mjcf"),
+    "sdf": ("is SDF, not URDF", "Convert it, or name the vendor's URDF of this robot"),
+    "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
+}
+"""By their outermost element: what they are called, and what to do."""
 STANDARD_OUTPUT = "stdout"
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
@@ -55,6 +65,18 @@ class Settings(BaseModel):
         schema = handler(source)
         make_strict(schema)
         return schema
+
+    @field_validator("*")
+    @classmethod
+    def _in_range(cls, value: Any) -> Any:
+        """Refuse numbers that no unit explains, and with which kernels overflow or never end."""
+        if isinstance(value, tuple | list):
+            for each in value:
+                cls._in_range(each)
+        size = abs(value) if isinstance(value, int | float) else 0
+        if size > (HUGE if isinstance(value, float) else 2**63) or 0 < size < TINY:
+            raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
+        return value
 
 
 Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]
@@ -250,10 +272,10 @@ def load_yaml(path: Path) -> dict[str, Any]:
     """
     file = str(path)
     data = read_named(path, MAX_CONFIG_BYTES, file, "a YAML file")
-    start = data[:SNIFFED].lstrip()
-    if start.startswith(b"<") and b"<robot" in start:
-        remedy = "Name it where a robot is asked for, as *.urdf; see docs/new_robot.md"
-        raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
+    start = data.removeprefix(codecs.BOM_UTF8).lstrip()[:SNIFFED]
+    for tag, (problem, remedy) in XML_FORMATS.items() if start.startswith(b"<") else ():
+        if f"<{tag}".encode() in start:
+            raise ConfigError(file, "", None, problem, remedy)
     return parse_yaml(data, file)
 
 

@@ -20,7 +20,7 @@ from hoap3.protocol.errors import (
     UnknownNameError,
     UrdfWarning,
 )
-from hoap3.robot_emulator.robots.urdf_import.source import is_source
+from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source, split_arguments
 from hoap3.robot_emulator.robots.yaml_file import read_robot
 
 __all__ = ["GROUP", "available", "find_file", "load", "load_configured"]
@@ -44,8 +44,8 @@ def load(
     Args:
         name_or_path: a name of `available()`, a folder with a `robot.yaml`, or a YAML file. A name
             comes before a folder of the same name; write `./name` for the folder. Or a vendor's
-            URDF or xacro file, or `robot_descriptions:NAME`; what was guessed of it is said by
-            an `UrdfWarning` each.
+            URDF or xacro file, or `robot_descriptions:NAME`, with arguments of xacro behind it,
+            `FILE NAME:=VALUE`; what was guessed of it is said by an `UrdfWarning` each.
         tip: of a vendor's file: the link that the default task moves; None: the likeliest tool.
         lock_joints: of such a file: joints that become fixed, each as NAME or NAME=VALUE.
 
@@ -82,7 +82,8 @@ def load_configured(
     Raises:
         UsageError: as of `load`.
     """
-    if "/" in name and not Path(name).exists():
+    path = split_arguments(name)[0]
+    if "/" in path and not path.startswith(DESCRIPTIONS) and not Path(path).exists():
         remedy = "Name a robot's folder, its YAML file or a URDF; paths count from the config"
         raise ConfigError(file, "robot", name, "no such file or folder", remedy)
     try:
@@ -112,7 +113,7 @@ def _imported(name: str | Path, tip: str | None, lock_joints: Sequence[str]) -> 
 
     found = import_robot(name, tip=tip, lock_joints=lock_joints)
     for note in found.notes:
-        warnings.warn(f"{Path(name).name}: {note}", UrdfWarning, stacklevel=1)
+        warnings.warn(f"{found.source.path.name}: {note}", UrdfWarning, stacklevel=1)
     return found.description
 
 

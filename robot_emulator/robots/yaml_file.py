@@ -9,11 +9,14 @@ What is not written has a default:
 `lower_hard`, `upper_hard`   the usable range
 `velocity`, `effort`         `<limit velocity effort>` of the URDF; the velocity as far as those of
                              its followers allow
-`setpoint_acceleration_max`  the one at the top of the file, for all joints; else 250/s times the
-                             velocity: full speed within 4 ms
-`brake_acceleration`         the one at the top of the file, for all joints; else 10/s times the
-                             velocity: rest within 0.1 s
-`setpoint_jerk_max`          the one at the top of the file, for all joints; else no limit
+`setpoint_acceleration_max`  the one at the top of the file, for all joints; else `<limit
+                             acceleration>` of the URDF; else 250/s times the velocity: full speed
+                             within 4 ms
+`brake_acceleration`         the one at the top of the file, for all joints; else `<limit
+                             deceleration>`, or `<limit acceleration>`, of the URDF; else 10/s times
+                             the velocity: rest within 0.1 s
+`setpoint_jerk_max`          the one at the top of the file, for all joints; else `<limit jerk>` of
+                             the URDF; else no limit
 `postures`                   `zero` is added: all joints at 0, or at the limit nearest to it
 `initial_posture`            `zero`
 `armature`                   0
@@ -236,8 +239,9 @@ def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dic
         )
     velocity = given["velocity"]
     accelerations = {
-        "setpoint_acceleration_max": SETPOINT_RATE * velocity,
-        "brake_acceleration": BRAKE_RATE * velocity,
+        "setpoint_acceleration_max": urdf.acceleration or SETPOINT_RATE * velocity,
+        "brake_acceleration": urdf.deceleration or urdf.acceleration or BRAKE_RATE * velocity,
+        "setpoint_jerk_max": urdf.jerk,
         **robot.model_dump(include=_OF_ALL_JOINTS, exclude_none=True),
     }
     stops = {"lower_hard": given["lower"], "upper_hard": given["upper"]}

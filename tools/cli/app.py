@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import sys
 import warnings
 from functools import cache
@@ -529,6 +530,26 @@ def command_line() -> Any:
     return typer.main.get_command(app)
 
 
+def _with_xacro_arguments(words: list[str]) -> list[str]:
+    """Put `NAME:=VALUE` of a command line behind the robot's file, as one word with it.
+
+    Raises:
+        UsageError: no word is a robot's file.
+    """
+    arguments = [word for word in words if re.match(r"[A-Za-z_]\w*:=", word)]
+    if not arguments:
+        return words
+    from hoap3.robot_emulator.robots.urdf_import.source import is_source
+
+    rest = [word for word in words if word not in arguments]
+    file = next((place for place, word in enumerate(rest) if is_source(word)), None)
+    if file is None:
+        remedy = "Name the xacro file here, or write `robot: FILE NAME:=VALUE` into a config"
+        raise UsageError(f"{arguments[0]}: no xacro file is named that takes it. {remedy}")
+    rest[file] = " ".join((rest[file], *arguments))
+    return rest
+
+
 def main() -> None:
     """Entry point of `hoap3`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
@@ -538,7 +559,7 @@ def main() -> None:
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="replace")
         die_with_parent()
-        command_line()()
+        command_line()(_with_xacro_arguments(sys.argv[1:]))
     except KeyboardInterrupt:
         sys.exit(1)
     except Hoap3Error as error:

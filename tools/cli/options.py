@@ -56,8 +56,8 @@ Connect = Annotated[
 RunRobot = Annotated[
     str | None,
     typer.Option(
-        help="Robot or emulator config: a name or a path. By default what the controller's "
-        "config names."
+        help="Robot or emulator config: a name or a path; NAME:=VALUE goes to a xacro file. By "
+        "default what the controller's config names."
     ),
 ]
 RunController = Annotated[str, typer.Option(help="Controller config: a name or a path.")]

@@ -31,7 +31,8 @@ Strict = Annotated[
 @robot_app.command("import")
 def import_(
     file: Annotated[
-        str, typer.Argument(metavar="FILE", help="URDF, xacro, or robot_descriptions:NAME.")
+        str,
+        typer.Argument(metavar="FILE", help="URDF, xacro NAME:=VALUE, robot_descriptions:NAME"),
     ],
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder to write; default: the robot's name.")

@@ -20,6 +20,8 @@ from hoap3.protocol.urdf import MOVABLE
 from hoap3.robot_emulator.robots import find_file, load
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
 from hoap3.robot_emulator.robots.urdf_import.kept_meshes import wrong_meshes
+from hoap3.robot_emulator.robots.urdf_import.notes import Notes
+from hoap3.robot_emulator.robots.urdf_import.sanitize import BRAKING, SOFT, count_the_rest
 from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.robots.yaml_file import RobotFile, read_files
 from hoap3.tools.show.output import print_line, results
@@ -60,12 +62,17 @@ def look(
     description, path = load(name, **how), find_file(name)
     if path is None:
         return Facts(description)
-    file = read_files(path)[0]
+    file, urdf = read_files(path)
     wrong = wrong_meshes(path, file)
     if wrong and strict:
         first, *others = wrong
         raise ConfigError(first.file, first.key, first.value, first.problem, first.remedy, others)
-    return Facts(description, file, [str(error) for error in wrong], len(file.meshes))
+    rest = Notes()
+    count_the_rest(ET.fromstring(urdf), rest)  # noqa: S314 - checked before
+    for tag in [each for each in (SOFT, BRAKING) if f"<{each}" in urdf]:  # an import reads them
+        rest.add("left out", "write the limits into robot.yaml", f"{urdf.count(f'<{tag}')} <{tag}>")
+    notes = [*map(str, wrong), *(note.line() for note in rest.all)]
+    return Facts(description, file, notes, len(file.meshes))
 
 
 def as_json(facts: Facts) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,7 @@ class MujocoModel:
         welded: the link that the world holds, "" of a free base.
         urdf: text of what was read, with `welded` as its root; "" of an MJCF file.
         altered: by body, what MuJoCo did not take as the URDF has it.
+        actuators: how many an MJCF file had, which the robot's own replace.
     """
 
     model: Any
@@ -62,6 +63,7 @@ class MujocoModel:
     welded: str
     urdf: str
     altered: Mapping[str, str]
+    actuators: int = 0
 
     def pose(self, data: Any, q: FloatArray) -> None:
         """Put the joints at `q`, (n,), and their followers where these belong, in an `MjData`."""
@@ -120,9 +122,9 @@ def build_model(
     free = parameters.base == "free"
     moved = description.base_frame in description.structure.moving
     welded = description.base_frame if moved else description.structure.root
-    urdf, altered = "", dict[str, str]()
+    urdf, altered, actuators = "", dict[str, str](), 0
     if parameters.mjcf is not None:
-        spec = read_mjcf(mujoco, parameters.mjcf)
+        spec, actuators = read_mjcf(mujoco, parameters.mjcf)
         welded = ""
     else:
         urdf = description.urdf if free or not moved else rerooted(description.urdf, welded)
@@ -134,7 +136,8 @@ def build_model(
     _set_options(spec, mujoco, description, parameters)
     surround(spec, mujoco, parameters)
     if not urdf:
-        return _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
+        built = _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
+        return replace(built, actuators=actuators)
     let_touch(spec, description, parameters)
     touching = _compiled(spec.copy(), description)
     start = mujoco.MjData(touching)

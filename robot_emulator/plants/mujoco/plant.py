@@ -15,6 +15,7 @@ from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.mujoco.balance import Balance
 from hoap3.robot_emulator.plants.mujoco.equilibrium import place
+from hoap3.robot_emulator.plants.mujoco.files.differences import differences, sunk
 from hoap3.robot_emulator.plants.mujoco.files.joints import check_base
 from hoap3.robot_emulator.plants.mujoco.files.mjcf import refuse_unheeded
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
@@ -87,6 +88,7 @@ class MujocoPlant(Plant):
         self._senses = Senses(self._mujoco, self.built, self.data, description, contacts, imus)
         scales = description.counts_per_rad if counts else None
         self._encoders = Encoders(n, scales, parameters.noise_rad, seed)
+        self._sunk: list[str] = []
         self._place(description.initial_position)
         self.gains: Gains = servo_gains(
             self._mujoco, self.built, self.data, parameters, description
@@ -170,6 +172,7 @@ class MujocoPlant(Plant):
             self._brake(torques)
             self.start[:] = q
         self._mujoco.mj_forward(self.model, self.data)
+        self._sunk = sunk(self.model, self.data)
         self._measure(0.0)
 
     def step(self, command: FloatArray, dt: float) -> None:
@@ -201,9 +204,18 @@ class MujocoPlant(Plant):
         size = f"{model.nv} degrees of freedom, {what.base} base"
         steps = f"{what.substeps} step(s) of {1e3 * model.opt.timestep:g} ms a period"
         said = [f"MuJoCo {self._mujoco.__version__}: {size}, {steps}"]
-        if self.built.altered:
+        if what.mjcf is not None:
+            if self.built.actuators:
+                ours = "the robot's own replace them, and controls of key frames are left out"
+                said.append(f"{self.built.actuators} actuators of the MJCF file: {ours}")
+            differs = "; ".join(differences(self._mujoco, self.built, self._description))
+            if differs:
+                said.append(f"the MJCF file is not of the robot that controllers know: {differs}")
+        elif self.built.altered:
             listing = "; ".join(f"{body} {why}" for body, why in self.built.altered.items())
             said.append(f"inertias that MuJoCo does not take as they are: {listing}")
+        if self._sunk:
+            said.append(f"the start posture is inside what stands still: {'; '.join(self._sunk)}")
         if what.base == "free" and what.mjcf is not None and what.floor is None:
             said.append("no floor but what the MJCF file has")
         if self._unbalanced > FIRM:

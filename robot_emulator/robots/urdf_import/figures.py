@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.urdf import is_finite, xacro_hint
 
 
 def figure(element: ET.Element | None, attribute: str, where: str) -> float | None:
@@ -20,35 +20,33 @@ def figure(element: ET.Element | None, attribute: str, where: str) -> float | No
     text = None if element is None else element.get(attribute)
     if element is None or text is None:
         return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if math.isnan(value):
+    number = text.strip()
+    if not (is_finite(number) or number.lower().lstrip("+-") in {"inf", "infinity"}):
         raise DescriptionError(
-            f"{where}: <{element.tag} {attribute}>: found {text[:60]!r}. Write a number."
+            f"{where}: <{element.tag} {attribute}>: found {text[:60]!r}. Write a number"
+            f"{xacro_hint(text)}."
         )
-    return value
+    return float(number)
 
 
-def triple(element: ET.Element | None, attribute: str, where: str, otherwise: float) -> FloatArray:
-    """Three finite numbers, (3,); all `otherwise` where they are not given.
+def triple(
+    element: ET.Element | None, attribute: str, where: str, otherwise: float, count: int = 3
+) -> FloatArray:
+    """Three finite numbers, or `count` of them, (count,); all `otherwise` if they are not given.
 
     Raises:
-        DescriptionError: not three finite numbers.
+        DescriptionError: not so many finite numbers.
     """
     text = None if element is None else element.get(attribute)
     if element is None or text is None:
-        return np.full(3, otherwise)
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != 3 or not all(map(math.isfinite, values)):
+        return np.full(count, otherwise)
+    words = text.split()
+    if len(words) != count or not all(map(is_finite, words)):
         raise DescriptionError(
-            f"{where}: <{element.tag} {attribute}>: found {text[:60]!r}. Write 3 finite numbers."
+            f"{where}: <{element.tag} {attribute}>: found {text[:60]!r}. Write {count} finite "
+            f"numbers{xacro_hint(text)}."
         )
-    return np.array(values)
+    return np.array([float(word) for word in words])
 
 
 def written(values: FloatArray | tuple[float, ...]) -> str:

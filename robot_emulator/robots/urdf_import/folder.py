@@ -10,12 +10,9 @@ from pathlib import Path
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.robots.urdf_import.imported import RISE_S, ImportedRobot
 from hoap3.robot_emulator.robots.urdf_import.links import Visual
-from hoap3.robot_emulator.robots.urdf_import.shapes.companions import (
-    Companion,
-    companion_content,
-)
-from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, content
-from hoap3.robot_emulator.robots.yaml_file import JointEntry
+from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, read_whole
+from hoap3.robot_emulator.robots.urdf_import.source import split_arguments
+from hoap3.robot_emulator.robots.yaml_file import SETPOINT_RATE, JointEntry
 
 MESHES = "meshes"
 FILE = "robot.yaml"
@@ -23,7 +20,7 @@ WIDTH = 100
 WHY = {
     "range": "no limits were given: it turns without end",
     "velocity": "no velocity was given; it stands in the URDF",
-    "acceleration": f"reaches the guessed velocity within {RISE_S:g} s",
+    "acceleration": f"a guessed velocity within {RISE_S:g} s; else {SETPOINT_RATE:g}/s times it",
 }
 
 
@@ -40,9 +37,9 @@ def write_folder(robot: ImportedRobot, folder: Path) -> list[Path]:
     files = {
         FILE: _yaml(robot, meshes).encode(),
         robot.file.urdf: robot.parts.urdf.encode(),
-        **{f"{MESHES}/{name}": _content(visual) for visual, name in meshes.items()},
+        **{f"{MESHES}/{name}": _content(visual.path) for visual, name in meshes.items()},
         **{
-            f"{MESHES}/{each.name}": _beside(each)
+            f"{MESHES}/{each.name}": _content(each.path)
             for visual in meshes
             for each in visual.companions
         },
@@ -76,29 +73,21 @@ def _named(visuals: tuple[Visual, ...]) -> dict[Visual, str]:
     return found
 
 
-def _content(visual: Visual) -> bytes:
+def _content(path: Path) -> bytes:
     try:
-        return content(visual.path)
+        return read_whole(path)
     except MeshError as error:
-        raise _unreadable(visual.path, error) from error
-
-
-def _beside(companion: Companion) -> bytes:
-    try:
-        return companion_content(companion.path)
-    except MeshError as error:
-        raise _unreadable(companion.path, error) from error
-
-
-def _unreadable(path: Path, error: MeshError) -> ConfigError:
-    return ConfigError(str(path), "", None, str(error), "Make it readable, and import again")
+        remedy = "Make it readable, and import again"
+        raise ConfigError(str(path), "", None, str(error), remedy) from error
 
 
 def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
     """The text of robot.yaml, with what was read, guessed and left out in comments."""
     file, source = robot.file, robot.source
+    arguments = split_arguments(source.label)[1].items()
+    made_of = " ".join((source.path.name, *(f"{key}:={value}" for key, value in arguments)))
     lines = [
-        f"# {file.name}, made by `hoap3 robot import` of {_plain(source.path.name)}",
+        f"# {file.name}, made by `hoap3 robot import` of {_plain(made_of)}",
         f"# (sha256 {source.sha256}).",
         "# Units: rad, N m, s, m. What was guessed is yours to correct, here or in the URDF.",
         "#",
@@ -127,10 +116,9 @@ def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
 
 def _joint(joint: JointEntry) -> Iterator[str]:
     yield f"  - name: {_value(joint.name)}"
-    for key in ("setpoint_acceleration_max", "brake_acceleration"):
-        value = getattr(joint, key)
-        if value is not None:
-            yield f"    {key}: {_value(value)}"
+    others = joint.model_dump(exclude={"name", "guessed", "armature"}, exclude_none=True)
+    for key, value in others.items():
+        yield f"    {key}: {_value(value)}"
     if joint.guessed:
         why = "; ".join(f"{each}: {WHY[each]}" for each in joint.guessed)
         yield f"    guessed: {_value(list(joint.guessed))}  # {why}"

@@ -3,6 +3,7 @@
 ====================  ============================================================================
 no velocity, or 0     1 rad/s, or 0.1 m/s: slow enough to stand beside
 its accelerations     that speed within 0.2 s, for setpoints and for braking
+no acceleration       250/s times the velocity, and 10/s times it for braking
 no limits, or 0 0     a revolute joint turns without end; a prismatic one is refused
 no effort, or 0       none: the robot takes no torques
 no inertia            only positions are commanded, where nothing that moves has one
@@ -18,6 +19,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hoap3.protocol.config.settings import NAME_PATTERN
 from hoap3.protocol.description import CommandKind, RobotDescription
@@ -29,6 +31,8 @@ from hoap3.robot_emulator.robots.urdf_import.sanitize import Sanitized, sanitize
 from hoap3.robot_emulator.robots.urdf_import.source import Source, read_source
 from hoap3.robot_emulator.robots.urdf_import.tip import default_task, reach
 from hoap3.robot_emulator.robots.yaml_file import (
+    BRAKE_RATE,
+    SETPOINT_RATE,
     DefaultTaskEntry,
     JointEntry,
     RobotFile,
@@ -105,17 +109,19 @@ def _entries(parts: Sanitized, notes: Notes) -> tuple[JointEntry, ...]:
 
 
 def _entry(joint: ReadJoint, notes: Notes) -> JointEntry:
-    if "velocity" not in joint.guessed:
-        return JointEntry(name=joint.name, guessed=joint.guessed)
-    acceleration = joint.velocity / RISE_S
-    text = f"accelerations that reach that velocity within {RISE_S:g} s, and brake as fast"
+    given: dict[str, Any] = {"name": joint.name, "guessed": joint.guessed}
+    if joint.stops is not None:
+        given |= zip(("lower_hard", "upper_hard"), joint.stops, strict=True)
+    if "acceleration" in joint.rates:
+        return JointEntry(**given)
+    text = f"accelerations of {SETPOINT_RATE:g}/s times the velocity, {BRAKE_RATE:g}/s to brake"
+    if "velocity" in joint.guessed:
+        text = f"accelerations that reach that velocity within {RISE_S:g} s, and brake as fast"
+        given["setpoint_acceleration_max"] = joint.velocity / RISE_S
+        if "deceleration" not in joint.rates:
+            given["brake_acceleration"] = joint.velocity / RISE_S
     notes.add("guessed", text, joint.name)
-    return JointEntry(
-        name=joint.name,
-        setpoint_acceleration_max=acceleration,
-        brake_acceleration=acceleration,
-        guessed=(*joint.guessed, "acceleration"),
-    )
+    return JointEntry(**given | {"guessed": (*joint.guessed, "acceleration")})
 
 
 def _commands(robot: RobotDescription, notes: Notes) -> tuple[CommandKind, ...]:

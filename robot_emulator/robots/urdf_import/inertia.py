@@ -13,6 +13,7 @@ from hoap3.robot_emulator.robots.urdf_import.joints import copy_attributes
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
 KEYS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+HEAVY, WIDE = 500.0, 10.0  # kg, and m of a radius of gyration: more is probably another unit
 ROUNDED = 1e-3  # of the greatest principal moment: what figures of three digits may miss
 
 
@@ -34,6 +35,10 @@ def read_inertial(link: ET.Element, where: str, notes: Notes) -> ET.Element | No
         return None
     if value < 0.0 or not math.isfinite(value):
         raise DescriptionError(f"{where}: mass {value:g} kg. Write 0 or more.")
+    size = max(abs(moment or 0.0) for moment in moments)
+    if value > HEAVY or size > WIDE**2 * value > 0.0:
+        text = "masses or inertias that are very large, perhaps not in kg and kg m²"
+        notes.add("read", text, f"{name} ({value:g} kg, {size:g} kg m²)")
     if not possible(value, np.array(moments, dtype=np.float64)):
         notes.add("read", "an inertia that no body can have, taken as it is", name)
     new = ET.Element("inertial")

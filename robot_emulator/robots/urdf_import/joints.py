@@ -19,6 +19,7 @@ from hoap3.robot_emulator.robots.urdf_import.notes import About, Notes
 SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
 """Greatest speed where none is given [rad/s, m/s]: slow enough to be safe to watch."""
 UNIT = {"revolute": "rad/s", "continuous": "rad/s", "prismatic": "m/s"}
+RATES = ("acceleration", "deceleration", "jerk")  # of <limit>, since URDF 1.2
 ENDLESS = 1e4  # rad; exporters write such limits for joints that turn without end
 WELDED = {"floating", "planar", "spherical", "ball"}
 ROOM = 1e-6  # rad or m between its limits: a joint with less cannot move
@@ -37,6 +38,8 @@ class ReadJoint:
         guessed: of velocity, range; what no file says.
         velocity: greatest speed, given or guessed [rad/s or m/s].
         follows: the joint that moves it, or None.
+        stops: where its usable range is narrower than they are; None: it is not [rad or m].
+        rates: of `RATES`, what is given.
     """
 
     name: str
@@ -44,6 +47,8 @@ class ReadJoint:
     guessed: tuple[str, ...]
     velocity: float
     follows: str | None
+    stops: tuple[float, float] | None
+    rates: frozenset[str]
 
 
 def read_joints(
@@ -234,7 +239,11 @@ def _moving(
         if mimic is None:
             text = "no effort is given (or 0), so that the robot takes no torques"
             notes.add("left out", text, name)
-    ET.SubElement(new, "limit", bounds | {"velocity": repr(velocity), "effort": repr(effort)})
+    given = {} if limit is None else limit.attrib
+    rates = {key: given[key] for key in RATES if key in given}
+    limits = bounds | {"velocity": repr(velocity), "effort": repr(effort)} | rates
+    ET.SubElement(new, "limit", limits)
+    hard = [float(given[key]) for key in ("hard_lower", "hard_upper") if key in given]
     copy_attributes(element.find("dynamics"), new, ("damping", "friction"))
     follows = None
     if mimic is not None:
@@ -247,7 +256,8 @@ def _moving(
             )
         new[-1].set("joint", follows)
         notes.add("read", "followers (<mimic>): they have no setpoint of their own", name)
-    return ReadJoint(name, new.attrib["type"], tuple(guessed), velocity, follows)
+    stops, kind = (hard[0], hard[1]) if hard else None, new.attrib["type"]
+    return ReadJoint(name, kind, tuple(guessed), velocity, follows, stops, frozenset(rates))
 
 
 def _range(
@@ -261,9 +271,16 @@ def _range(
     """
     kind, name = new.attrib["type"], new.attrib["name"]
     if kind == "continuous":
+        if limit is not None and {"lower", "upper"} & limit.attrib.keys():
+            notes.add("left out", "lower and upper of continuous joints", name)
         return None, None
     lower, upper = (figure(limit, key, where) or 0.0 for key in ("lower", "upper"))
     wrong = _what_is_wrong(lower, upper, kind)
+    if kind == "revolute" and lower > upper and 0.0 in {lower, upper} and not follower:
+        text = "turns without end, because its limits are reversed: Bullet's way to write no limit"
+        notes.add("guessed", text, f"{name} ({lower:g} to {upper:g})")
+        new.set("type", "continuous")
+        return None, None
     if wrong and not follower:
         raise DescriptionError(f"{where}: its limits {wrong}")
     if wrong:
@@ -294,9 +311,10 @@ def _range(
 def _what_is_wrong(lower: float, upper: float, kind: str) -> str | None:
     """Why no joint could keep such limits, and what would do; None of both 0, as of others."""
     if lower > upper:
-        return f"are reversed, lower {lower:g} and upper {upper:g}. Swap them."
+        found = f"are reversed, lower {lower:g} and upper {upper:g}"
+        return f"{found}, which means no limit to Bullet. Correct them, or make it continuous."
     if lower == upper != 0.0:  # of a follower: others are locked
-        return "leave it no range."
+        return f"leave it no range, both are {lower:g}. Widen them, or make it fixed."
     if kind == "revolute" and (lower >= ENDLESS or upper <= -ENDLESS):
         return f"leave it no angle below {ENDLESS:g} rad. Write them in rad, near 0."
     return None

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.robots.urdf_import.folder import MESHES
-from hoap3.robot_emulator.robots.urdf_import.shapes.companions import companion_digest
 from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, digest
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
 
@@ -20,17 +19,17 @@ def wrong_meshes(file: Path, robot: RobotFile) -> list[ConfigError]:
     """
     wrong, seen = [], set()
     for number, mesh in enumerate(robot.meshes):
-        named = [(f"meshes.{number}", mesh.file, mesh.sha256, digest)]
+        named = [(f"meshes.{number}", mesh.file, mesh.sha256)]
         named += [
-            (f"meshes.{number}.companions.{place}", each.file, each.sha256, companion_digest)
+            (f"meshes.{number}.companions.{place}", each.file, each.sha256)
             for place, each in enumerate(mesh.companions)
         ]
-        for where, name, expected, digest_of in named:
+        for where, name, expected in named:
             if (name, expected) in seen:  # several links may be drawn with one
                 continue
             seen.add((name, expected))
             try:
-                found = digest_of(file.parent / MESHES / name)
+                found = digest(file.parent / MESHES / name)
             except MeshError as error:
                 remedy = f"Put it into {MESHES}/ again, or take it out of {file.name}"
                 key, value, problem = "file", name, str(error)

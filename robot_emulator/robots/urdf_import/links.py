@@ -16,6 +16,7 @@ from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, writ
 from hoap3.robot_emulator.robots.urdf_import.inertia import read_inertial
 from hoap3.robot_emulator.robots.urdf_import.joints import copy_attributes
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
+from hoap3.robot_emulator.robots.urdf_import.shapes import mesh_files
 from hoap3.robot_emulator.robots.urdf_import.shapes.companions import Companion, companions
 from hoap3.robot_emulator.robots.urdf_import.shapes.fitting import Shape
 from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, content, shape_of
@@ -112,6 +113,7 @@ class _Geometry:
         except (MeshError, UnresolvedError) as error:
             self._missing("collision", shape, error)
             return []
+        self.notes.lengths(map(str, fitted.size), f"link {self.link}")
         text = "collision meshes became the tightest box, capsule or sphere around them"
         self.notes.add("read", text, self.link)
         return self._placed(element, fitted)
@@ -126,9 +128,13 @@ class _Geometry:
         try:
             path = self.search.find(shape.get("filename", ""))
             data = content(path)
+            unit, up = mesh_files.collada_asset(path, data)
+            if up != "Z_UP":
+                text = f"<up_axis> {up} of meshes, as RViz and Pinocchio leave it out"
+                self.notes.add("left out", text, path.name)
             own = self._companions(path, data, meshes)
             digest = hashlib.sha256(data).hexdigest()
-            meshes.append(Visual(self.link, path, digest, scale, xyz, rpy, own))
+            meshes.append(Visual(self.link, path, digest, unit * scale, xyz, rpy, own))
         except (MeshError, UnresolvedError) as error:
             self._missing("visual", shape, error)
         return []

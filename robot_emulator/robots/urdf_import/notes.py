@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from hoap3.protocol.urdf import is_finite
+
+LONG = 10.0  # m: more is probably in millimetres
 About = Literal["read", "guessed", "left out"]
 SOME_NAMES = 6  # of a note in one line
 
@@ -44,6 +48,11 @@ class Notes:
     def add(self, about: About, text: str, *names: str) -> None:
         """Note something, for some names."""
         self._found[about, text].update(dict.fromkeys(names))
+
+    def lengths(self, words: Iterable[str], name: str) -> None:
+        """Note lengths [m] that are so great that they are probably in another unit."""
+        if any(is_finite(word) and abs(float(word)) > LONG for word in words):
+            self.add("read", f"lengths of more than {LONG:g} m, perhaps in millimetres", name)
 
     @property
     def all(self) -> tuple[Note, ...]:

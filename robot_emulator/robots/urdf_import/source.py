@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import importlib
 import importlib.util
@@ -14,12 +13,22 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.config.regular_file import read_named
-from hoap3.protocol.errors import ConfigError, DescriptionError, NotInstalledError
-from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath, check_folders
+from hoap3.protocol.errors import (
+    ConfigError,
+    DescriptionError,
+    NotInstalledError,
+    one_of,
+)
+from hoap3.robot_emulator.robots.urdf_import.shapes.packages import (
+    SearchPath,
+    UnresolvedError,
+    check_folders,
+)
 from hoap3.robot_emulator.robots.urdf_import.xml_tree import MAX_BYTES, is_xacro, parse_robot
 
 SUFFIXES = {".urdf", ".xacro"}
 DESCRIPTIONS = "robot_descriptions"
+_ARGUMENT = re.compile(r"\s+(?=[A-Za-z_]\w*:=)")
 _DESCRIPTION = re.compile(rf"{DESCRIPTIONS}:([a-z][a-z0-9_]*)")
 XACRO = "'hoap3[xacro]'"
 ROBOTS = "'hoap3[descriptions]'"
@@ -46,14 +55,30 @@ class Source:
 
 def is_source(name: str | Path) -> bool:
     """Whether a path or a name says that it is a vendor's robot, by its form alone."""
-    return Path(name).suffix.lower() in SUFFIXES or str(name).startswith(f"{DESCRIPTIONS}:")
+    name = split_arguments(name)[0]
+    return Path(name).suffix.lower() in SUFFIXES or name.startswith(f"{DESCRIPTIONS}:")
+
+
+def split_arguments(name: str | Path) -> tuple[str, dict[str, str]]:
+    """The path or name of a robot, and the xacro arguments behind it: `FILE NAME:=VALUE ..`."""
+    path, *arguments = _ARGUMENT.split(str(name))
+    return path, dict(each.split(":=", 1) for each in arguments)
+
+
+def absolute(name: str, folder: Path) -> str:
+    """A robot's path, counted from a folder, as an absolute one; xacro arguments stay behind it."""
+    if name.startswith(f"{DESCRIPTIONS}:"):
+        return name
+    path, arguments = split_arguments(name)
+    rest = (f" {key}:={value}" for key, value in arguments.items())
+    return "".join((str((folder / path).resolve()), *rest))
 
 
 def read_source(name: str | Path, package_path: Sequence[Path] = ()) -> Source:
     """Read the URDF that a path or a `robot_descriptions:NAME` leads to.
 
     Args:
-        name: what the user gave.
+        name: what the user gave; xacro arguments may stand behind it, as `NAME:=VALUE`.
         package_path: folders in which packages are looked for first.
 
     Raises:
@@ -62,49 +87,86 @@ def read_source(name: str | Path, package_path: Sequence[Path] = ()) -> Source:
         NotInstalledError: it needs a library that is not installed.
     """
     check_folders(package_path)
-    if str(name).startswith(f"{DESCRIPTIONS}:"):
+    given = split_arguments(name)[0]
+    if given.startswith(f"{DESCRIPTIONS}:"):
         return _of_descriptions(str(name), package_path)
-    return _of_file(Path(name), str(name), SearchPath(Path(name).parent, package_path))
+    return _of_file(Path(given), str(name), SearchPath(Path(given).parent, package_path))
 
 
 def _of_file(
     path: Path, label: str, search: SearchPath, arguments: Mapping[str, str] | None = None
 ) -> Source:
+    """Read a file, with the arguments in its label and others, which a xacro file need not have."""
+    given = split_arguments(label)[1]
     data = read_named(path, MAX_BYTES, label, "a URDF")
     digest = hashlib.sha256(data).hexdigest()
-    if path.suffix.lower() == ".xacro":
-        return Source(label, path, digest, parse_robot(_expand(path, search, arguments)), search)
     robot = parse_robot(data)
-    if is_xacro(robot):
-        robot = parse_robot(_expand(path, search, arguments))
+    if path.suffix.lower() == ".xacro" or is_xacro(robot):
+        asked = _Arguments({**(arguments or {}), **given})
+        robot = parse_robot(_expand(path, search, asked))
+        for key in sorted(given.keys() - asked.known.keys()):
+            hint = one_of(key, asked.known, "Its arguments")
+            raise DescriptionError(f"{key[:60]}:= is no argument of this xacro file. {hint:.400}.")
+    elif given:
+        problem = "is not a xacro file, which alone takes arguments"
+        raise ConfigError(label, "", None, problem, "Leave them out")
     return Source(label, path, digest, robot, search)
 
 
-def _expand(path: Path, search: SearchPath, arguments: Mapping[str, str] | None) -> bytes:
-    """What xacro makes of a file."""
+class _Arguments(dict[str, str]):
+    """Arguments of a xacro file; keeps the names that it asks for."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.known: dict[str, None] = {}
+
+    def __contains__(self, key: object) -> bool:
+        self.known[str(key)] = None
+        return super().__contains__(key)
+
+    def __getitem__(self, key: str) -> str:
+        self.known[key] = None
+        return super().__getitem__(key)
+
+
+def _expand(path: Path, search: SearchPath, subargs: _Arguments) -> bytes:
+    """What xacro makes of a file; nothing of another file that this process expanded is left."""
     if importlib.util.find_spec("xacrodoc") is None:
         raise NotInstalledError("package", "xacrodoc", f"{XACRO}, or expand it yourself")
     xacrodoc: Any = importlib.import_module("xacrodoc")
+    xacro: Any = importlib.import_module("xacro")
+    substitution: Any = importlib.import_module("xacro.substitution_args")
     path = path.absolute()
+
+    def find(package: str) -> str:
+        """The folder of a package, as for package://, or as xacrodoc finds it."""
+        try:
+            return str(search.package(package))
+        except UnresolvedError:
+            return str(xacrodoc.packages.get_path(package))
+
+    xacrodoc.packages.reset()
+    xacrodoc.packages.look_in([str(root) for root in search.roots if root.is_dir()])
+    substitution._eval_find = substitution._eval_dict["find"] = find  # as xacrodoc does
+    xacro.init_stacks(str(path))
     try:
-        with contextlib.chdir(path.parent):  # includes are relative to it
-            xacrodoc.packages.look_in([str(root) for root in search.roots if root.is_dir()])
-            document = xacrodoc.XacroDoc.from_file(
-                path, subargs=dict(arguments or {}), resolve_packages=False
-            )
-            text: str = document.to_urdf_string()
-    except Exception as error:  # whatever its macros raise
+        document = xacrodoc.XacroDoc.from_file(path, subargs=subargs, resolve_packages=False)
+        text: str = document.to_urdf_string()
+    except (Exception, SystemExit) as error:  # whatever its macros raise
         reason = str(error).strip().partition("\n")[0][:200]
+        remedy = "Correct it, or name the packages that it needs with --package-path"
+        missing = [key for key in subargs.known if key not in subargs and "argument" in reason]
+        if missing:
+            remedy = f"Give its arguments behind the file, as {missing[-1]}:=VALUE"
         raise DescriptionError(
-            f"xacro cannot expand it ({type(error).__name__}: {reason}). Correct it, or name the "
-            "packages that it needs with --package-path."
+            f"xacro cannot expand it ({type(error).__name__}: {reason}). {remedy}."
         ) from error
     return text.encode("utf-8")
 
 
 def _of_descriptions(name: str, package_path: Sequence[Path]) -> Source:
     """A robot of the package `robot_descriptions`, which fetches it when it is first imported."""
-    found = _DESCRIPTION.fullmatch(name)
+    found = _DESCRIPTION.fullmatch(split_arguments(name)[0])
     if found is None:
         remedy = f"Write {DESCRIPTIONS}:NAME, such as {DESCRIPTIONS}:panda_description"
         raise ConfigError(name, "", None, "is not the name of a description", remedy)

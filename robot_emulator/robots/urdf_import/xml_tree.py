@@ -5,22 +5,21 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.urdf import not_well_formed, wrong_root
 
 MAX_BYTES = 32 << 20  # a vendor's file may be long; what is made of it has at most 1 MiB
 MAX_DEPTH = 64
-OTHER_FORMATS = {
-    "sdf": "is SDF, not URDF. Convert it, or take the URDF that the vendor has beside it.",
-    "mujoco": "is MJCF, not URDF. Take the URDF that the vendor has beside it.",
-    "COLLADA": "is a mesh, not a URDF. Name the URDF that names this mesh.",
-}
 
 
 class _Builder(ET.TreeBuilder):
-    """Builds the tree; refuses a DTD when it begins, and nests without end."""
+    """Builds the tree; refuses a DTD when it begins, and nests without end.
+
+    A default namespace of <robot> becomes its attribute `xmlns`, and is no part of the tags.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self._depth = 0
+        self._depth, self._namespace = 0, ""
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:  # noqa: ARG002
         """The parser calls this before it reads what a DTD declares."""
@@ -31,12 +30,15 @@ class _Builder(ET.TreeBuilder):
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise DescriptionError(f"URDF: elements nested deeper than {MAX_DEPTH}. Flatten it.")
-        return super().start(tag, attrs)
+        if self._depth == 1 and tag.endswith("}robot"):
+            self._namespace = tag.removesuffix("robot")
+            attrs["xmlns"] = self._namespace[1:-1]
+        return super().start(tag.removeprefix(self._namespace), attrs)
 
     def end(self, tag: str, /) -> ET.Element:
         """An element ends."""
         self._depth -= 1
-        return super().end(tag)
+        return super().end(tag.removeprefix(self._namespace))
 
 
 def parse_robot(data: bytes) -> ET.Element:
@@ -54,21 +56,13 @@ def parse_robot(data: bytes) -> ET.Element:
     except (ET.ParseError, UnicodeError, ValueError, LookupError) as error:
         raise DescriptionError(f"URDF: {_why(data, error)}") from error
     if root.tag != "robot":
-        instead = OTHER_FORMATS.get(root.tag)
-        if instead is not None:
-            raise DescriptionError(f"URDF: {instead}")
-        raise DescriptionError(
-            f"URDF: the outermost element is <{root.tag[:40]}>. Write <robot name=..>."
-        )
+        raise DescriptionError(f"URDF: {wrong_root(root.tag)}")
     return root
 
 
 def is_xacro(root: ET.Element) -> bool:
     """Whether there is something for xacro to do."""
-    return any(
-        isinstance(each.tag, str) and each.tag.startswith("{") and "xacro" in each.tag.split("}")[0]
-        for each in root.iter()
-    )
+    return any("xacro" in str(each.tag).rpartition("}")[0] for each in root.iter())
 
 
 def _why(data: bytes, error: Exception) -> str:
@@ -80,10 +74,5 @@ def _why(data: bytes, error: Exception) -> str:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as wrong:
-        return (
-            f"byte {wrong.start} is not UTF-8, and the file states no other encoding. "
-            "Save it as UTF-8."
-        )
-    if b"<xacro:" in data:  # a prefix that is not declared
-        return 'a xacro file without xmlns:xacro="http://www.ros.org/wiki/xacro". Add that.'
-    return f"not well-formed XML ({error}). Correct that place."
+        return f"byte {wrong.start} is not UTF-8. Save it as UTF-8, or state its encoding."
+    return not_well_formed(error)

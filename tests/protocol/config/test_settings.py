@@ -469,3 +469,52 @@ def test_what_is_no_endpoint_is_refused(endpoint):
     with pytest.raises(ConfigError, match=r"connect"):
         parse(LinkSettings, {"connect": [endpoint]}, "mine.yaml")
     parse(LinkSettings, {"connect": ["unixsock-stream//tmp/x", "tcp/[::1]:7447"]}, "mine.yaml")
+
+
+class Figures(Settings):
+    """Numbers without bounds of their own."""
+
+    rate: float = 0.0
+    place_m: tuple[float, ...] = ()
+    points: tuple[tuple[float, ...], ...] = ()
+    count: int = 0
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"rate": 1e300}, {"rate": -1e13}, {"rate": 1e-308}, {"rate": -1e-300}, {"count": 10**30},
+        {"place_m": [0.0, 1e300, 0.0]}, {"points": [[0.0], [1e300]]},
+    ],
+)  # fmt: skip
+def test_numbers_that_no_unit_explains_are_refused(content):
+    (key,) = content
+    with pytest.raises(ConfigError, match="between") as caught:
+        parse(Figures, content, "mine.yaml")
+    assert caught.value.file == "mine.yaml"
+    assert caught.value.key == key
+
+
+def test_numbers_of_all_units_are_taken():
+    content = {"rate": -1e12, "place_m": [0.0, 1e-30, 1e9], "count": 2**62}
+    found = parse(Figures, content, "mine.yaml")
+    assert (found.rate, found.place_m, found.count) == (-1e12, (0.0, 1e-30, 1e9), 2**62)
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("<?xml version='1.0'?><!-- a licence --><mujoco model='arm'/>", "plant.parameters.mjcf"),
+        ("\ufeff<mujoco/>", "plant.parameters.mjcf"),
+        ("<sdf version='1.7'/>", "Convert"),
+        ("<robot name='arm'/>", "*.urdf"),
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:abc\nsize 12\n", "git lfs pull"),
+    ],
+)
+def test_another_format_is_called_by_its_name(tmp_path, text, remedy):
+    path = tmp_path / "arm.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_yaml(path)
+    assert remedy in str(caught.value)
+    assert "YAML" not in str(caught.value).replace("a YAML file", "")

@@ -15,6 +15,7 @@ from hoap3.protocol.secure.credentials import KEY_FILE
 from hoap3.protocol.secure.profile import profile
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.robots.urdf_import.source import absolute, is_source
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.atomic_write import whole_file
 from hoap3.tools.services.services import controller_config, emulator_config
@@ -210,6 +211,8 @@ def _program() -> Path:
 def _absolute(config: str) -> str:
     """A path as a service finds it from any folder; a name stays one."""
     path = Path(config)
+    if is_source(config):
+        return absolute(config, Path())
     return str(path.resolve()) if path.exists() and ("/" in config or path.suffix) else config
 
 

@@ -31,8 +31,11 @@ def refuse_unheeded(parameters: MujocoParameters) -> None:
             raise ConfigError("", f"parameters.{key}", value, problem, "Leave it out")
 
 
-def read_mjcf(mujoco: Any, path: str) -> Any:
-    """A spec of the file, without its motors, what measures them, and defaults for new ones.
+def read_mjcf(mujoco: Any, path: str) -> tuple[Any, int]:
+    """Read a file without its actuators, what refers to them, and defaults for new ones.
+
+    Returns:
+        A spec, and how many actuators the file had.
 
     Raises:
         ConfigError: MuJoCo cannot read it.
@@ -45,10 +48,13 @@ def read_mjcf(mujoco: Any, path: str) -> Any:
     for sensor in list(spec.sensors):
         if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR:
             spec.delete(sensor)
+    count = len(spec.actuators)
     for actuator in list(spec.actuators):
         spec.delete(actuator)
+    for key in spec.keys:
+        key.ctrl, key.act = [], []
     _forget_defaults(mujoco, spec)
-    return spec
+    return spec, count
 
 
 def _forget_defaults(mujoco: Any, spec: Any) -> None:

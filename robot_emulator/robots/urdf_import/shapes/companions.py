@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from hoap3.protocol.config.regular_file import open_regular, read_at_most
-from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MAX_BYTES, MeshError
+from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, read_whole
 
 MATERIALS, BUFFERS = {".mtl"}, {".bin"}
 IMAGES = {".png", ".jpg", ".jpeg", ".tga", ".bmp", ".tif", ".tiff", ".gif", ".dds", ".webp"}
@@ -68,7 +67,7 @@ def companions(mesh: Path, data: bytes) -> Iterator[Companion | tuple[str, str]]
             yield name, "not a file below their meshes, of a known kind"
             continue
         try:
-            found = companion_content(path)
+            found = read_whole(path)
         except MeshError as error:
             yield name, str(error)
             continue
@@ -76,31 +75,6 @@ def companions(mesh: Path, data: bytes) -> Iterator[Companion | tuple[str, str]]
         folder = name.rpartition("/")[0]
         inner = _named(Path(name).suffix.lower(), found)
         ahead += [f"{folder}/{each}" if folder else each for each in inner]
-
-
-def companion_content(path: Path) -> bytes:
-    """All of a file beside a mesh.
-
-    Raises:
-        MeshError: it cannot be read, or is too large.
-    """
-    try:
-        with open_regular(path) as stream:
-            size = stream.seek(0, 2)
-        if size > MAX_BYTES:
-            raise MeshError(f"has {size >> 20} MiB, and at most {MAX_BYTES >> 20} are read")
-        return read_at_most(path, MAX_BYTES)
-    except OSError as error:
-        raise MeshError(error.strerror or "cannot be read") from error
-
-
-def companion_digest(path: Path) -> str:
-    """SHA-256 of a file beside a mesh, hexadecimal.
-
-    Raises:
-        MeshError: as of `companion_content`.
-    """
-    return hashlib.sha256(companion_content(path)).hexdigest()
 
 
 def _named(suffix: str, data: bytes) -> Iterator[str]:

@@ -8,6 +8,7 @@ the URDF. A folder is the package if it is called so, or if its `package.xml` sa
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import unquote
@@ -20,6 +21,8 @@ from hoap3.robot_emulator.robots.urdf_import.xml_tree import MAX_BYTES
 VARIABLES = ("HOAP3_PACKAGE_PATH", "ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 INSIDE = ("", "{package}", "share/{package}", "src/{package}")
 """Where a package may lie in a folder of the search path."""
+_FIND = re.compile(r"^\$\((?:find|find-pkg-share) +([^)\s]+)\)")
+"""What stands for package:// in xacro and in ROS 2."""
 REMEDY = f"Name the folder that holds the package with --package-path or {VARIABLES[0]}"
 
 
@@ -42,8 +45,8 @@ class SearchPath:
         package_path: Sequence[Path] = (),
         packages: dict[str, Path] | None = None,
     ) -> None:
-        self._folder = folder.absolute()
-        self._roots = (*(Path(each).absolute() for each in package_path), *_of_environment())
+        self._folder = _without_dots(folder)
+        self._roots = (*map(_without_dots, package_path), *_of_environment())
         self._packages: dict[str, Path] = dict(packages or {})
 
     @property
@@ -57,6 +60,7 @@ class SearchPath:
         Raises:
             UnresolvedError: there is none, or it leaves the package that it is said to be in.
         """
+        name = _FIND.sub(r"package://\1", name)
         scheme, mark, rest = name.partition("://")
         if not mark:
             return self._existing(self._folder / name, name)
@@ -65,13 +69,18 @@ class SearchPath:
         if scheme not in {"package", "model"}:
             raise UnresolvedError(f"{scheme[:20]}:// is no place of files here")
         package, _, inside = rest.lstrip("/").partition("/")
-        folder = self._package(package)
+        folder = self.package(package)
         path = Path(os.path.normpath(folder / unquote(inside)))
         if not path.is_relative_to(folder):
             raise UnresolvedError(f"leads out of the package {package!r:.60}")
         return self._existing(path, name)
 
-    def _package(self, package: str) -> Path:
+    def package(self, package: str) -> Path:
+        """The folder of a package.
+
+        Raises:
+            UnresolvedError: there is none of that name.
+        """
         if package not in self._packages:
             self._packages[package] = self._look_for(package)
         return self._packages[package]
@@ -92,7 +101,9 @@ class SearchPath:
         raise UnresolvedError(f"the package {package!r:.60} is nowhere. {REMEDY}")
 
     def _existing(self, path: Path, name: str) -> Path:
-        path = Path(os.path.normpath(path))
+        plain = Path(os.path.normpath(path))
+        if "\0" not in name and (plain.exists() or not path.exists()):
+            path = plain  # else `..` stands behind a link to a folder
         if "\0" in name or not path.exists():
             raise UnresolvedError("no such file")
         if path.is_dir():
@@ -116,7 +127,13 @@ def _of_environment() -> Iterable[Path]:
     for variable in VARIABLES:
         for folder in os.environ.get(variable, "").split(os.pathsep):
             if folder:
-                yield Path(folder).absolute()
+                yield _without_dots(Path(folder))
+
+
+def _without_dots(folder: Path) -> Path:
+    """A folder as an absolute path without `..`, and with its links unless they stand before it."""
+    folder = Path(folder).absolute()
+    return folder.resolve() if ".." in folder.parts else folder
 
 
 def _is_package(folder: Path, package: str) -> bool:

@@ -152,3 +152,69 @@ def test_joints_of_two_free_bodies_are_no_robot(tmp_path: Path):
     apart = FREE.replace(SECOND, "") + f'<body name="other"><freejoint/>{WEIGHT}{SECOND}</body>'
     with pytest.raises(ConfigError, match="several bodies"):
         plant(tmp_path, apart, base="free", imu_frames=[])
+
+
+KEYS = {
+    "one of three": ('<position joint="first"/>', '<key name="home" qpos="0 0.5" ctrl="0.1"/>'),
+    "all": (
+        '<position joint="first"/><position joint="second"/>',
+        '<key qpos="0 0.5" ctrl="0 0.5"/>',
+    ),
+    "three": (
+        '<motor joint="first"/><motor joint="second"/><motor joint="second"/>',
+        '<key qpos="0 0.5" ctrl="0 0.5 1"/>',
+    ),
+    "with activation": (
+        '<general joint="first" dyntype="integrator"/>',
+        '<key qpos="0 0.5" ctrl="1" act="0.3"/>',
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", ["position", "torque"])
+@pytest.mark.parametrize("case", KEYS)
+def test_key_frames_of_replaced_actuators_are_no_obstacle(tmp_path: Path, case: str, kind: str):
+    actuators, key = KEYS[case]
+    after = f"<actuator>{actuators}</actuator><keyframe>{key}</keyframe>"
+    made = plant(tmp_path, after=after, kind=kind)
+    np.testing.assert_array_equal(made.model.key_qpos, [[0.0, 0.5]])
+    count = actuators.count("joint=")
+    assert any(f"{count} actuators" in line for line in made.notes())
+
+
+def differing(made: MujocoPlant) -> str:
+    return "".join(line for line in made.notes() if "controllers know" in line)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("", "", ""),
+        ('pos="0 0 0.4"', 'pos="0 0 0.7"', "b by 0.3 m"),
+        ('name="first" axis="0 1 0"', 'name="first" axis="0 -1 0"', "first has another axis"),
+        ('name="second" axis="0 1 0"', 'name="second" axis="1 0 0"', "second has another axis"),
+        ('mass="1"', 'mass="2"', "4 kg move instead of 2 kg"),
+        ('mass="1"', 'mass="1.01"', ""),
+    ],
+)
+def test_a_file_of_another_robot_is_named(tmp_path: Path, old: str, new: str, named: str):
+    found = differing(plant(tmp_path, world=ARM.replace(old, new)))
+    assert (named in found) if named else not found
+
+
+def test_a_floating_robot_is_compared_as_its_base_stands(tmp_path: Path):
+    (tmp_path / "free").mkdir()
+    turned = FREE.replace('pos="0 0 1"', 'pos="3 0 1" euler="0 0 40"').replace("trunk", "base")
+    world = turned.replace('mass="3"', 'mass="1e-3"')
+    assert not differing(plant(tmp_path / "free", world=world, base="free", position_m=[1, 2, 3]))
+
+
+@pytest.mark.parametrize(("height", "deep"), [(-1.0, False), (0.55, True)])
+def test_a_start_inside_the_floor_is_named(tmp_path: Path, height: float, deep: bool):
+    ball = '<geom type="sphere" size="0.1" pos="0 0 0.2" mass="0"/></body>'
+    world = ARM.replace("</body></body>", f"{ball}</body>")
+    floor = f'<geom type="plane" size="9 9 1" pos="0 0 {height}"/>'
+    made = plant(tmp_path, world=f"{floor}{world}")
+    said = [line for line in made.notes() if "inside what stands still" in line]
+    assert bool(said) == deep
+    assert all("b by" in line for line in said)

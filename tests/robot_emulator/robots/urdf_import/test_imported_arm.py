@@ -120,7 +120,8 @@ def test_missing_figures_get_their_defaults_and_each_is_said(tmp_path, case):
     assert any("velocity" in text for text in said)
     assert any("0.2 s" in text for text in said)
     assert any("without end" in text for text in said) == (math.isinf(lower) and kind == "revolute")
-    assert not told(robot, "guessed", "shoulder")
+    (only,) = told(robot, "guessed", "shoulder")  # its velocity is given, and no acceleration
+    assert "250/s" in only
 
 
 def test_half_a_range_has_its_other_end_at_zero_as_the_format_says(tmp_path):

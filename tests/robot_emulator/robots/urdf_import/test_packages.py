@@ -175,3 +175,20 @@ def test_a_fifo_in_place_of_a_mesh_does_not_block(tmp_path):
     mesh.unlink()
     os.mkfifo(mesh)
     assert [each.link for each in import_robot(path).parts.visuals] == ["base"]
+
+
+@pytest.mark.parametrize("form", ["package://{0}", "$(find {0})", "$(find-pkg-share {0})"])
+def test_a_package_is_found_from_a_folder_beside_it(tmp_path, monkeypatch, form):
+    vendor_folder(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    search = SearchPath(Path("..", PACKAGE, "urdf"))
+    mesh = tmp_path / PACKAGE / "meshes" / "upper.stl"
+    assert search.find(f"{form.format(PACKAGE)}/meshes/upper.stl") == mesh
+    assert SearchPath(tmp_path, [Path("..")]).find(MESH) == mesh
+
+
+def test_a_relative_mesh_is_found_behind_a_link_to_a_folder(tmp_path):
+    folder = vendor_folder(tmp_path / "real").parent
+    (tmp_path / "link").symlink_to(folder)
+    assert SearchPath(tmp_path / "link").find("../meshes/upper.stl").exists()

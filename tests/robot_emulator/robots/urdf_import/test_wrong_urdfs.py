@@ -44,7 +44,7 @@ WRONG = {
     "kind": (urdf(joints=JOINTS.replace('"revolute"', '"revolut"', 1)), "'shoulder'.*'revolute'"),
     "reversed": (
         urdf(joints=JOINTS.replace('lower="-2"', 'lower="3"', 1)),
-        "'shoulder'.*reversed.*Swap",
+        "'shoulder'.*reversed.*no limit to Bullet.*continuous",
     ),
     "far range": (
         urdf(joints=JOINTS.replace('"-2" upper="2.5"', '"2e4" upper="3e4"', 1)),
