@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from pathlib import Path
 from typing import Any, Literal
@@ -141,7 +142,9 @@ class EmulatorConfig(Settings):
 
     robot: str = Field("hoap3", description="shipped robot, or path of a description or a URDF")
     name: RobotName | None = Field(None, description="name on the network; default: the robot's")
-    posture: str | None = Field(None, description="start posture; default: the description's")
+    posture: str | tuple[float, ...] | None = Field(
+        None, description="start: a posture's name or joint values; default: the description's"
+    )
     command: CommandKind | None = Field(
         None,
         description="what setpoints are; null: the description's first, or in run the controller's",
@@ -200,7 +203,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     path = Path(name)
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
-    elif path.suffix not in {".yaml", ".yml"} and not path.exists():
+    elif path.suffix not in {".yaml", ".yml"} and not os.path.exists(name):
         from hoap3.robot_emulator.robots import available
 
         check_path(name, "an emulator config, or a robot's folder, YAML file or URDF")

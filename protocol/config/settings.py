@@ -18,6 +18,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     ValidationError,
+    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
@@ -25,16 +26,27 @@ from pydantic_core import PydanticCustomError, core_schema
 from hoap3.protocol.config.endpoints import Endpoint, beyond_this_machine, over_tls
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
-from hoap3.protocol.config.wrong_settings import config_error
+from hoap3.protocol.config.wrong_settings import NAME_PATTERN, config_error
 from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
 from hoap3.protocol.errors import ConfigError
 
+_SURROGATE = re.compile("[\ud800-\udfff]")  # a byte of a file's name that is not UTF-8
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
 STANDARD_OUTPUT = "stdout"
-NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
+
+_FIXES = {
+    "tab, or": "Indent with spaces, and quote text that starts with @, ` or %",
+    "tab character": "Indent with spaces",
+    "mapping values are not allowed": "Write one `key: value` a line, and quote text with a colon",
+    "could not find expected ':'": "Write `key: value`, with a space behind the colon",
+    "did not find expected": "Close each bracket and quote, and indent lines of one block alike",
+    "unexpected end of stream": "Close each bracket and quote",
+    "is not UTF-8": "Save it as UTF-8",
+}
+"""Remedy by a part of what a parser of YAML reports."""
 
 Model = TypeVar("Model", bound="Settings")
 
@@ -53,6 +65,13 @@ class Settings(BaseModel):
         schema = handler(source)
         make_strict(schema)
         return schema
+
+    @field_validator("*")
+    @classmethod
+    def _check_utf8(cls, value: Any) -> Any:
+        if isinstance(value, str) and not value.isascii() and _SURROGATE.search(value):
+            raise PydanticCustomError("utf8", "is not UTF-8", {"remedy": "Rename what is named so"})
+        return value
 
 
 Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]
@@ -139,14 +158,14 @@ class LinkSettings(Settings):
         if self.secure is None and any(re.match(r"tls/[^#]*$", place) for place in places):
             raise _unsafe(
                 "tls/ needs a certificate",
-                "Give --secure DIR, or set link.secure (docs/security.md)",
+                "Give --secure DIR, or set link.secure (`hoap3 help security`)",
             )
         open_to_all = [place for place in self.reachable if beyond_this_machine(place)]
         if open_to_all and self.secure is None and not self.insecure:
             key = "link.listen" if self.kind == "zenoh" else "link.hoap3_tcp.host"
             raise _unsafe(
                 f"with this {key} whoever reaches {open_to_all[0]} could command the robot",
-                "Use certificates: --secure DIR (docs/security.md); or allow it: --insecure",
+                "Use certificates: --secure DIR (`hoap3 help security`); or allow it: --insecure",
             )
         return self
 
@@ -250,7 +269,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
     data = read_named(path, MAX_CONFIG_BYTES, file, "a YAML file")
     start = data[:SNIFFED].lstrip()
     if start.startswith(b"<") and b"<robot" in start:
-        remedy = "Name it where a robot is asked for, as *.urdf; see docs/new_robot.md"
+        remedy = "Name it where a robot is asked for, as *.urdf; see `hoap3 help new_robot`"
         raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
     return parse_yaml(data, file)
 
@@ -267,9 +286,7 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
     try:
         content = read_yaml(data)
     except yaml.YAMLError as error:
-        raise ConfigError(
-            file, "", None, f"is not valid YAML{_why(error)}", "Correct it"
-        ) from error
+        raise ConfigError(file, "", None, f"is not valid YAML{_why(error)}", _fix(error)) from error
     if content is None:
         remedy = "Write `key: value` lines, such as `robot: hoap3` or `controller: qp12`"
         raise ConfigError(file, "", None, "is empty", remedy)
@@ -300,7 +317,7 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
             value = read_yaml(text)
         except yaml.YAMLError as error:
             problem = f"is not a YAML value{_why(error)}"
-            raise ConfigError("--set", key, text, problem, "Quote it") from error
+            raise ConfigError("--set", key, text, problem, f"{_fix(error)}, or quote it") from error
         place: Any = result
         for part in parts[:-1]:
             place = _below(place, part, key)
@@ -312,7 +329,14 @@ def _why(error: yaml.YAMLError) -> str:
     """Where a YAML text is wrong, if known, and why."""
     mark = getattr(error, "problem_mark", None)
     place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return f"{place}: {getattr(error, 'problem', None) or str(error).partition(chr(10))[0]}"
+    why = str(getattr(error, "problem", None) or str(error).partition("\n")[0])
+    return f"{place}: {why.replace('character that cannot start any token', 'a tab, or @, ` or %')}"
+
+
+def _fix(error: yaml.YAMLError) -> str:
+    """What to write instead, by what libyaml found."""
+    why = _why(error)
+    return next((fix for part, fix in _FIXES.items() if part in why), "Correct that place")
 
 
 def _below(place: Any, part: str, key: str) -> Any:
@@ -327,6 +351,9 @@ def _below(place: Any, part: str, key: str) -> Any:
 def _where(place: Any, part: str, key: str) -> str | int:
     """A key of a mapping as it is, or the index of a list's entry."""
     if isinstance(place, dict):
+        if part not in place and (index := re.fullmatch(r"(\w+)\[(\w+)\]", part)):
+            remedy = f"Write {key.replace(part, '.'.join(index.groups()))}"
+            raise ConfigError("--set", key, None, "counts entries of a list with dots", remedy)
         return part
     entries = [str(i) for i in range(len(place))]
     if part not in entries:
