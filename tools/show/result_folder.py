@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError
@@ -19,6 +21,12 @@ def new_name(base: Path) -> Path:
     return folder
 
 
+def remove_if_empty(folder: Path) -> None:
+    """Remove a folder where nothing was written; for `atexit`."""
+    with suppress(OSError):
+        folder.rmdir()
+
+
 def make_folder(folder: Path, result: str) -> None:
     """Make a folder for results, before minutes of work rather than after.
 
@@ -33,6 +41,8 @@ def make_folder(folder: Path, result: str) -> None:
         problem = f"holds {result} already, which is not replaced"
         raise ConfigError("--out", "", str(folder), problem, "Name another folder, or remove it")
     try:
+        if not folder.exists():
+            atexit.register(remove_if_empty, folder)
         folder.mkdir(parents=True, exist_ok=True)
         with whole_file(folder / ".try") as draft:
             draft.touch()
