@@ -99,9 +99,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
         if isinstance(robot, str) and ("/" in robot or "." in robot):
             content["robot"] = place = str((path.parent / robot).resolve())
             if not os.path.exists(place):
-                remedy = (
-                    "Name a robot, its folder, YAML file or URDF; paths count from the config"
-                )
+                remedy = "Name a robot, its folder, YAML file or URDF; paths count from the config"
                 raise ConfigError(str(path), "robot", place, "no such file or folder", remedy)
         folder = str(path.resolve().parent)
         if folder not in sys.path and may_import():

@@ -64,9 +64,9 @@ def describe(
         description = description.model_copy(update={"initial_posture": config.posture})
     elif config.posture is not None:
         postures = {**description.postures, GIVEN: config.posture}
-        change = {"postures": postures, "initial_posture": GIVEN}
+        start = {"postures": postures, "initial_posture": GIVEN}
         try:
-            description = description.model_copy(update=change)
+            description = description.model_copy(update=start)
         except DescriptionError as error:
             remedy = f"Joints: {', '.join(description.joint_names)}"
             raise ConfigError(file, "posture", config.posture, str(error), remedy) from error

@@ -55,8 +55,7 @@ def endpoint_fault(text: str) -> tuple[str, str] | None:
 
 def zone_fault(text: str) -> tuple[str, str] | None:
     """What is wrong with a link-local IPv6 address without a network interface, and the remedy."""
-    found = _LINK_LOCAL.search(text)
-    if found is None or "#iface=" in text:
+    if "#iface=" in text or not (found := _LINK_LOCAL.search(text)):
         return None
     problem = "is a link-local IPv6 address without a network interface"
     return problem, f"Name one as `ip -6 addr` lists them, such as {found[0]}%eth0"

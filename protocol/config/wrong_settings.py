@@ -25,9 +25,7 @@ _NAME = re.compile(rf"[\w.:]{{1,{LONGEST_GUESS}}}")
 _INSTANCE = re.compile(r" or instance of \w+$")
 _MAPPING = "should be a mapping", "Write `key: value` lines below the key"
 _TEXTS = {
-    "dict_type": _MAPPING,
-    "model_type": _MAPPING,
-    "model_attributes_type": _MAPPING,
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), _MAPPING),
     "bool_type": ("should be a valid boolean", "Write true or false, without quotes"),
     "string_too_short": ("should not be empty", "Write at least {min_length} characters"),
     "too_long": ("has {actual_length} values, at most {max_length} are taken", "Leave some out"),
@@ -168,7 +166,7 @@ def _problem(error: ErrorDetails) -> str:
     context = error.get("ctx", {})
     if (pattern := context.get("pattern")) in {NAME_PATTERN, ROBOT_PATTERN}:
         return NAME_RULE + (", nor a path" if pattern == ROBOT_PATTERN else "")
-    text, _ = _TEXTS.get(error["type"], ("", ""))
+    text = _TEXTS.get(error["type"], ("",))[0]
     return text.format(**context) if text else _plain(error["msg"])
 
 

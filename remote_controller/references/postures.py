@@ -21,11 +21,11 @@ class PostureValues(Settings):
     @model_validator(mode="before")
     @classmethod
     def _move_values(cls, content: Any) -> Any:
-        values = content.get("posture") if isinstance(content, dict) else None
-        numbers = isinstance(values, list | tuple) and {*map(type, values)} <= {int, float}
-        if not numbers or cls.values_key in content:
-            return content
-        return {**content, "posture": None, cls.values_key: values}
+        match content:
+            case {"posture": [*values]} if cls.values_key not in content:
+                if {*map(type, values)} <= {int, float}:
+                    return {**content, "posture": None, cls.values_key: values}
+        return content
 
 
 def posture_of(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import errno
 import json
 import os
@@ -165,8 +164,7 @@ def run_folder(
     try:
         if folder.suffix == LOG_SUFFIX:
             raise NotADirectoryError(errno.ENOTDIR, "is the name of a log, not of its folder")
-        if not folder.exists():
-            atexit.register(remove_if_empty, folder)
+        remove_if_empty(folder)
         folder.mkdir(parents=True, exist_ok=out is not None)
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

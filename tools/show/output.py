@@ -126,24 +126,25 @@ def print_json(content: Any) -> None:
     _Stream("stdout").write(json.dumps(content, indent=2) + "\n")
 
 
-class BadConnections(logging.Handler):
-    """Counts connections that are not understood, and reports them at most once in `QUIET_S`.
+class _BadConnections(logging.Handler):
+    """Counts records, and reports them at most once in `QUIET_S`."""
 
-    Args:
-        where: what is listening.
-    """
-
-    def __init__(self, where: str) -> None:
-        super().__init__(logging.WARNING)
-        self._where, self._count, self._due = where, 0, -QUIET_S
+    count, due = 0, 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
         """Count a connection."""
-        self._count += 1
-        if (now := time.monotonic()) >= self._due:
-            self._due = now + QUIET_S
+        self.count += 1
+        if (now := time.monotonic()) >= self.due:
+            self.due = now + QUIET_S
             why = (record.exc_info and record.exc_info[1]) or record.getMessage()
-            to_people(f"{self._where}: {self._count} bad connections so far, the last: {why!s:.99}")
+            to_people(f"{record.name}: {self.count} bad connections so far, the last: {why!s:.99}")
+
+
+def bad_connections(where: str) -> logging.Logger:
+    """What logs connections that are not understood; `where` is what listens."""
+    logger = logging.Logger(where, logging.WARNING)
+    logger.addHandler(_BadConnections())
+    return logger
 
 
 class Meter:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import time
-from contextlib import suppress
 from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError
@@ -22,9 +21,10 @@ def new_name(base: Path) -> Path:
 
 
 def remove_if_empty(folder: Path) -> None:
-    """Remove a folder where nothing was written; for `atexit`."""
-    with suppress(OSError):
-        folder.rmdir()
+    """At the end of this process remove what is made for a folder, if nothing is in it."""
+    for each in (*reversed(folder.parents), folder):
+        if not each.exists():
+            atexit.register(lambda at=each: at.is_dir() and not any(at.iterdir()) and at.rmdir())
 
 
 def make_folder(folder: Path, result: str) -> None:
@@ -41,8 +41,7 @@ def make_folder(folder: Path, result: str) -> None:
         problem = f"holds {result} already, which is not replaced"
         raise ConfigError("--out", "", str(folder), problem, "Name another folder, or remove it")
     try:
-        if not folder.exists():
-            atexit.register(remove_if_empty, folder)
+        remove_if_empty(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with whole_file(folder / ".try") as draft:
             draft.touch()

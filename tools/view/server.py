@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import socket
 import time
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ from websockets.http11 import Request, Response
 
 from hoap3.protocol.config.endpoints import zone_fault
 from hoap3.protocol.errors import ConfigError, PortInUseError
-from hoap3.tools.show.output import BadConnections
+from hoap3.tools.show.output import bad_connections
 from hoap3.tools.view.access import Gate
 from hoap3.tools.view.files import MESH, headers, read_static
 from hoap3.tools.view.page import Page, Player, text
@@ -135,8 +134,6 @@ class PageServer:
                 task.result()
 
     async def _listen(self) -> Server:
-        logger = logging.Logger("hoap3.view")
-        logger.addHandler(BadConnections("live page"))
         try:
             return await serve(
                 self._visited,
@@ -145,7 +142,7 @@ class PageServer:
                 process_request=self._asked,
                 compression=None,
                 server_header=None,
-                logger=logger,
+                logger=bad_connections("live page"),
                 open_timeout=5.0,
                 ping_interval=5.0,
                 ping_timeout=10.0,

@@ -8,6 +8,8 @@ import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -171,15 +173,32 @@ def test_an_interrupt_during_an_import_ends_at_once(
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_start_leaves_no_folder(tmp_path: Path, number: int) -> None:
-    (tmp_path / "slow_law.py").write_text(SLOW.format(seconds=2))
+    law = "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller as Law\n"
+    (tmp_path / "slow_law.py").write_text(SLOW.format(seconds=1) + law)
     (tmp_path / "law.yaml").write_text("controller: slow_law:Law\n")
-    words = ("run", "--controller", tmp_path / "law.yaml", "--out", tmp_path / "log")
+    words = ("run", "--controller", tmp_path / "law.yaml", "--out", tmp_path / "new" / "log")
     with Command(*words) as run:
-        run.hear("importing")
+        run.hear("importing", 2)  # by this process, and by the controller's
         run.send(number)
-        assert run.end() != 0
+        assert run.end() == 1
     assert_no_traceback(run)
-    assert not (tmp_path / "log").exists()
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_is_removed_only_if_it_was_made_and_is_empty(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    code = f"""
+from pathlib import Path
+from hoap3.tools.show.result_folder import remove_if_empty
+for name in ("old", "new/empty", "new/full"):
+    folder = Path({str(tmp_path)!r}, name)
+    remove_if_empty(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+(folder / "file").touch()
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ), cwd=HOUSE)
+    found = sorted(str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*"))
+    assert found == ["new", "new/full", "new/full/file", "old"]
 
 
 def test_after_a_safe_stop_the_next_steps_are_offered(capsys: pytest.CaptureFixture[str]) -> None:
@@ -242,8 +261,7 @@ def test_bad_connections_are_one_line_in_a_while(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
-    logger = output.logging.Logger("test")
-    logger.addHandler(output.BadConnections("page"))
+    logger = output.bad_connections("page")
     for _ in range(900):
         try:
             raise ValueError("garbage")

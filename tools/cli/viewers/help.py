@@ -23,7 +23,6 @@ GROUPS = {
 LIGHT = "status", "stop", "recover", "release", "list", "certs", "service", "help"
 NEEDED_MB = dict.fromkeys(LIGHT, 160) | dict.fromkeys(("emulator", "controller"), SERVICE_MB)
 """Address space, where it is not that of most commands."""
-LONGEST = 10  # characters of a command's name
 
 
 class GroupedCommands(TyperGroup):
@@ -31,11 +30,11 @@ class GroupedCommands(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
         """Write a section for each group."""
-        width = formatter.width - 6 - LONGEST
+        width = formatter.width - 16
         for title, names in GROUPS.items():
             found = {name: self.commands[name].get_short_help_str(width) for name in names}
             with formatter.section(title):
-                formatter.write_dl([(f"{name:{LONGEST}}", text) for name, text in found.items()])
+                formatter.write_dl([(f"{name:10}", text) for name, text in found.items()])
 
 
 def show_help(
@@ -43,7 +42,7 @@ def show_help(
 ) -> None:
     """Print a page of the documentation."""
     found = files("hoap3").joinpath("docs").iterdir()
-    pages = {page.name[:-3]: page for page in found if page.name.endswith(".md")}
+    pages = {each.name[:-3]: each for each in found if each.name.endswith(".md")}
     if topic is None:
         print_line("\n".join(sorted(pages)))
     elif topic in pages:

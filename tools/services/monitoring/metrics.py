@@ -5,7 +5,6 @@ They are made when somebody asks, from what the observer counts anyway.
 
 from __future__ import annotations
 
-import logging
 import os
 import time
 from collections import Counter
@@ -26,7 +25,7 @@ from hoap3.tools.services.monitoring.watchdog import MODES
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.stall_attribution import OutsideStalls
 from hoap3.tools.show.event_words import event_name
-from hoap3.tools.show.output import BadConnections
+from hoap3.tools.show.output import bad_connections
 
 BUCKETS_US = (
     *(50, 75, 100, 150, 200, 300, 400, 500, 600, 700, 800, 900, 1000, 1250, 1500),
@@ -220,10 +219,9 @@ class MetricsServer:
                 raise
 
         self._server.get_request = accepted  # type: ignore[method-assign]
-        logger = logging.Logger("hoap3.metrics")
-        logger.addHandler(BadConnections("metrics"))
+        logger = bad_connections("metrics")
         self._server.handle_error = lambda *_: logger.exception("")  # type: ignore[method-assign]
-        kind = self._server.RequestHandlerClass
+        kind: Any = self._server.RequestHandlerClass
         self._server.RequestHandlerClass = type(kind.__name__, (kind,), {"timeout": IDLE_S})
         self.url = f"http://{host}:{self._server.server_port}/metrics"
 
