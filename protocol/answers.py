@@ -216,6 +216,8 @@ def parse_description(raw: bytes, robot: str) -> RobotDescription:
     try:
         description = RobotDescription.from_json(raw)
     except DescriptionError as error:
+        if raw.startswith(b'{"error":'):
+            parse_answer(Status, raw, who)  # which raises what the robot reports
         raise WireError("answer", f"{who} with nonsense: {error}") from error
     if description.name != robot:
         raise WireError("answer", f"{who} with that of another robot, {description.name!r}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,12 +18,13 @@ from hoap3.protocol.config.settings import (
     LogSettings,
     MetricsSettings,
     RealtimeSettings,
-    RobotName,
     Settings,
     load_yaml,
     parse,
+    parse_yaml,
 )
 from hoap3.protocol.config.user_code import may_import
+from hoap3.protocol.config.wrong_settings import NAME_PATTERN, ROBOT_PATTERN
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
@@ -49,12 +52,19 @@ class ControllerConfig(Settings):
     """One remote controller."""
 
     controller: str = Field(description="registered name, or package.module:Class")
-    robot: RobotName = Field("hoap3", description="name of the robot on the network")
+    robot: str = Field(
+        "hoap3", pattern=ROBOT_PATTERN, description="name of the robot on the network, or its path"
+    )
     parameters: dict[str, Any] = Field({}, description="settings of the controller itself")
     link: ControllerLink = ControllerLink()
     realtime: RealtimeSettings = RealtimeSettings()
     log: LogSettings = LogSettings()
     metrics: MetricsSettings = MetricsSettings()
+
+
+def is_name(robot: str) -> bool:
+    """Whether the key `robot` of a config is a name on the network, rather than a path."""
+    return re.fullmatch(NAME_PATTERN, robot) is not None
 
 
 def available_configs() -> list[str]:
@@ -65,8 +75,9 @@ def available_configs() -> list[str]:
 def read_config(name: str) -> tuple[dict[str, Any], str]:
     """Content and file name of a shipped config, of the user's own, or of a bare controller.
 
-    The folder of the user's own file joins the end of the import path, so that a controller
-    can lie beside it; not where `user_code` forbids to import it.
+    A relative path of a robot counts from the folder of the file that names it. That of the user's
+    own file joins the end of the import path, so that a controller can lie beside it; not where
+    `user_code` forbids to import it. A name that starts with { is the content itself.
 
     Raises:
         ConfigError: the file cannot be read, or a path leads nowhere.
@@ -80,8 +91,16 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     path = Path(name)
     if name in registered():  # a name comes before a folder that is called so
         return {"controller": name}, f"controller {name}"
-    if path.suffix in {".yaml", ".yml"} or path.exists():
+    if name.lstrip().startswith("{"):
+        return parse_yaml(name, "--controller"), "--controller"
+    if path.suffix in {".yaml", ".yml"} or os.path.exists(name):
         content = load_yaml(path)
+        robot = content.get("robot")
+        if isinstance(robot, str) and ("/" in robot or "." in robot):
+            content["robot"] = place = str((path.parent / robot).resolve())
+            if not os.path.exists(place):
+                remedy = "Name a robot, its folder, YAML file or URDF; paths count from the config"
+                raise ConfigError(str(path), "robot", place, "no such file or folder", remedy)
         folder = str(path.resolve().parent)
         if folder not in sys.path and may_import():
             sys.path.append(folder)
@@ -136,7 +155,8 @@ def of_another_robot(config: ControllerConfig, description: RobotDescription) ->
     That alone is no error: robots may be called anything.
     """
     given = description.name
-    if "robot" not in config.model_fields_set or config.robot == given:
+    named = "robot" in config.model_fields_set and is_name(config.robot)
+    if not named or config.robot == given:
         return ""
     fitting = configs_for(given)
     listing = f": {', '.join(fitting)}" if fitting else ""
@@ -151,7 +171,7 @@ def _runs_on(file: str, description: RobotDescription) -> str:
     robots = robots_for(file)
     if not robots or description.name in robots:
         return ""
-    return f"This config is for --robot {' or '.join(robots)} (docs/robots.md)"
+    return f"This config is for --robot {' or '.join(robots)} (`hoap3 help robots`)"
 
 
 def check_parameters(config: ControllerConfig, file: str) -> None:

@@ -31,7 +31,7 @@ CONTROLLERS = PluginGroup(
     GROUP,
     BUILTIN,
     ("hoap3.remote_controller.controllers.base:Controller",),
-    "docs/writing_a_controller.md",
+    "writing_a_controller",
 )
 registered, find = CONTROLLERS.registered, CONTROLLERS.find
 

@@ -182,8 +182,10 @@ class Service:
         self.loop: ControllerLoop | None = None
         self.unusable = self.sessions = 0
 
-    def run(self) -> None:
+    def run(self, duration: float | None = None) -> None:
         """Answer the robot until told to stop; authority is given back at an orderly end.
+
+        It also ends when it has followed the robot for `duration` [s of the robot's time].
 
         Where the controller fails, it is not: the robot finds its holder gone, and stops safely.
 
@@ -196,6 +198,9 @@ class Service:
             self._report(note)
         if self._on_stop is not None:
             self._on_stop(self._wake)
+        if duration is not None:
+            asked = self._should_stop
+            self._should_stop = lambda: asked() or self._followed_s() >= duration
         while not self._should_stop():
             self._link = self._open()
             if self._link is None:
@@ -207,6 +212,11 @@ class Service:
                 self._link.close()
         if self.unusable:
             self._report(f"{self.unusable} answers of robot {self._config.robot!r} were unusable")
+
+    def _followed_s(self) -> float:
+        """How long the newest session of the robot has been followed [s of its time]."""
+        loop, controller = self.loop, self._controller
+        return loop.steps * controller.description.period_s if loop and controller else 0.0
 
     def _wake(self) -> None:
         """Have whatever waits look whether it shall stop; from any thread."""
@@ -431,6 +441,9 @@ class Service:
                     raise AuthorityError(link.robot, grant.holder)
             elif grant.holder not in self._names:
                 raise AuthorityError(link.robot, grant.holder)
+            why = f"{grant.reason}; it follows {grant.holder or 'nobody'}"
+            waits = f"waiting for authority over robot {link.robot!r} ({why})"
+            self._tell_once("authority", Routine(waits))
             self._pause()
         return None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from pathlib import Path
 from typing import Any, Literal
@@ -149,7 +150,9 @@ class EmulatorConfig(Settings):
         (), description="of a URDF: joints that become fixed, each as NAME or NAME=VALUE [rad or m]"
     )
     name: RobotName | None = Field(None, description="name on the network; default: the robot's")
-    posture: str | None = Field(None, description="start posture; default: the description's")
+    posture: str | tuple[float, ...] | None = Field(
+        None, description="start: a posture's name or joint values; default: the description's"
+    )
     command: CommandKind | None = Field(
         None,
         description="what setpoints are; null: the description's first, or in run the controller's",
@@ -209,7 +212,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     path = Path(name)
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
-    elif path.suffix not in {".yaml", ".yml"} and not path.exists():
+    elif path.suffix not in {".yaml", ".yml"} and not os.path.exists(name):
         from hoap3.robot_emulator.robots import available
 
         check_path(name, "an emulator config, or a robot's folder, YAML file or URDF")

@@ -94,7 +94,9 @@ class RobotLoop:
         self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK
         self._clock, self._link, self._recorder = clock, link, recorder
         self.period = round(description.period_s * 1e9)
-        posture = config.posture or description.initial_posture
+        posture = config.posture
+        if not isinstance(posture, str):
+            posture = description.initial_posture
         start = np.array(description.postures[posture])
         self.plant, self._setpoint_filter = build_body(description, config)
         self.plant.reset(start)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from hoap3.protocol.config.endpoints import beyond_this_machine
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.protocol.link.base import RemoteRobotLink, RobotLink
 from hoap3.protocol.link.local_control import LocalControl, local_robots
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
@@ -37,6 +37,7 @@ KERNELS = (
     "hoap3.protocol.robot.followers.followers_kernels",
 )
 CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
+GIVEN = "given values"  # name of a start posture that the config gives as joint values
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
 
 
@@ -57,11 +58,19 @@ def describe(
     """
     description = robot or load_configured(config.robot, file, config.tip, config.lock_joints)
     description.check_moves()
-    if config.posture is not None:
+    if isinstance(config.posture, str):
         if config.posture not in description.postures:
             known = f"Known: {', '.join(sorted(description.postures))}"
             raise ConfigError(file, "posture", config.posture, "no such posture", known)
         description = description.model_copy(update={"initial_posture": config.posture})
+    elif config.posture is not None:
+        postures = {**description.postures, GIVEN: config.posture}
+        start = {"postures": postures, "initial_posture": GIVEN}
+        try:
+            description = description.model_copy(update=start)
+        except DescriptionError as error:
+            remedy = f"Joints: {', '.join(description.joint_names)}"
+            raise ConfigError(file, "posture", config.posture, str(error), remedy) from error
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})
     if config.setpoint_jerk_max is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -208,7 +209,7 @@ def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
         return {"robot": robot}, f"robot {robot}"
     if robot.startswith(f"{DESCRIPTIONS}:"):
         return {"robot": robot}, f"robot {robot}"
-    if path.is_dir() or path.name == "robot.yaml" or is_source(robot):
+    if os.path.isdir(robot) or path.name == "robot.yaml" or is_source(robot):
         return {"robot": absolute(robot, Path())}, f"robot {robot}"
     return read_emulator_config(robot)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,6 +23,8 @@ from hoap3.protocol.errors import (
     located,
 )
 
+_DOTTED = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
+
 
 @dataclass(frozen=True)
 class PluginGroup:
@@ -32,7 +35,7 @@ class PluginGroup:
         group: entry-point group that installed packages register theirs in.
         builtin: ours, name to `module:Class`.
         bases: dotted paths of the classes that one of them must derive from; resolved on use.
-        guide: the page that shows how to write one.
+        guide: topic of `hoap3 help` that shows how to write one.
         renamed: former names of ours, and what to write instead.
     """
 
@@ -70,6 +73,9 @@ class PluginGroup:
         elif name in (known := self.registered()):
             point = known[name]
         elif ":" in name:
+            if not _DOTTED.fullmatch(name):
+                remedy = "Write package.module:Class; settings stand in a file, which is named"
+                raise ConfigError(file, key, name, "is no dotted path of a class", remedy)
             before_import(name, file, key)
             point = EntryPoint(name, name, self.group)
         else:
@@ -99,7 +105,7 @@ class PluginGroup:
         missing = sorted(getattr(loaded, "__abstractmethods__", ()))
         if missing:
             problem = f"lacks the method {', '.join(missing)}"
-            remedy = f"Define it; {self.guide} has an example"
+            remedy = f"Define it; `hoap3 help {self.guide}` has an example"
             raise ConfigError(file, key, name, problem, remedy)
         return loaded
 

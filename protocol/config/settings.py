@@ -28,12 +28,13 @@ from hoap3.protocol.config.dotted_keys import split_key
 from hoap3.protocol.config.endpoints import Endpoint, beyond_this_machine, over_tls
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
-from hoap3.protocol.config.wrong_settings import config_error
+from hoap3.protocol.config.wrong_settings import NAME_PATTERN, config_error
 from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
 from hoap3.protocol.errors import ConfigError
 
 HUGE, TINY = 1e12, 1e-30  # size of numbers in SI units
+_SURROGATE = re.compile("[\ud800-\udfff]")  # a byte of a file's name that is not UTF-8
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
 _ASSIGNED = re.compile(r'((?:"[^"]*"|[^"=])+)=')
@@ -45,8 +46,18 @@ XML_FORMATS = {
 }
 """By their outermost element: what they are called, and what to do."""
 STANDARD_OUTPUT = "stdout"
-NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
+
+_FIXES = {
+    "tab, or": "Indent with spaces, and quote text that starts with @, ` or %",
+    "tab character": "Indent with spaces",
+    "mapping values are not allowed": "Write one `key: value` a line, and quote text with a colon",
+    "could not find expected ':'": "Write `key: value`, with a space behind the colon",
+    "did not find expected": "Close each bracket and quote, and indent lines of one block alike",
+    "unexpected end of stream": "Close each bracket and quote",
+    "is not UTF-8": "Save it as UTF-8",
+}
+"""Remedy by a part of what a parser of YAML reports."""
 
 Model = TypeVar("Model", bound="Settings")
 
@@ -68,11 +79,13 @@ class Settings(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _in_range(cls, value: Any) -> Any:
-        """Refuse numbers that no unit explains, and with which kernels overflow or never end."""
+    def _check_value(cls, value: Any) -> Any:
+        """Refuse what is not UTF-8, and numbers with which kernels overflow or never end."""
+        if isinstance(value, str) and not value.isascii() and _SURROGATE.search(value):
+            raise PydanticCustomError("utf8", "is not UTF-8", {"remedy": "Rename what is named so"})
         if isinstance(value, tuple | list):
             for each in value:
-                cls._in_range(each)
+                cls._check_value(each)
         size = abs(value) if isinstance(value, int | float) else 0
         if size > (HUGE if isinstance(value, float) else 2**63) or 0 < size < TINY:
             raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
@@ -163,14 +176,14 @@ class LinkSettings(Settings):
         if self.secure is None and any(re.match(r"tls/[^#]*$", place) for place in places):
             raise _unsafe(
                 "tls/ needs a certificate",
-                "Give --secure DIR, or set link.secure (docs/security.md)",
+                "Give --secure DIR, or set link.secure (`hoap3 help security`)",
             )
         open_to_all = [place for place in self.reachable if beyond_this_machine(place)]
         if open_to_all and self.secure is None and not self.insecure:
             key = "link.listen" if self.kind == "zenoh" else "link.hoap3_tcp.host"
             raise _unsafe(
                 f"with this {key} whoever reaches {open_to_all[0]} could command the robot",
-                "Use certificates: --secure DIR (docs/security.md); or allow it: --insecure",
+                "Use certificates: --secure DIR (`hoap3 help security`); or allow it: --insecure",
             )
         return self
 
@@ -291,9 +304,7 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
     try:
         content = read_yaml(data)
     except yaml.YAMLError as error:
-        raise ConfigError(
-            file, "", None, f"is not valid YAML{_why(error)}", "Correct it"
-        ) from error
+        raise ConfigError(file, "", None, f"is not valid YAML{_why(error)}", _fix(error)) from error
     if content is None:
         remedy = "Write `key: value` lines, such as `robot: hoap3` or `controller: qp12`"
         raise ConfigError(file, "", None, "is empty", remedy)
@@ -328,7 +339,7 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
             value = read_yaml(text)
         except yaml.YAMLError as error:
             problem = f"is not a YAML value{_why(error)}"
-            raise ConfigError("--set", key, text, problem, "Quote it") from error
+            raise ConfigError("--set", key, text, problem, f"{_fix(error)}, or quote it") from error
         place: Any = result
         for part in parts[:-1]:
             place = _below(place, part, key)
@@ -340,7 +351,14 @@ def _why(error: yaml.YAMLError) -> str:
     """Where a YAML text is wrong, if known, and why."""
     mark = getattr(error, "problem_mark", None)
     place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return f"{place}: {getattr(error, 'problem', None) or str(error).partition(chr(10))[0]}"
+    why = str(getattr(error, "problem", None) or str(error).partition("\n")[0])
+    return f"{place}: {why.replace('character that cannot start any token', 'a tab, or @, ` or %')}"
+
+
+def _fix(error: yaml.YAMLError) -> str:
+    """What to write instead, by what libyaml found."""
+    why = _why(error)
+    return next((fix for part, fix in _FIXES.items() if part in why), "Correct that place")
 
 
 def _below(place: Any, part: str, key: str) -> Any:
@@ -355,6 +373,9 @@ def _below(place: Any, part: str, key: str) -> Any:
 def _where(place: Any, part: str, key: str) -> str | int:
     """A key of a mapping as it is, or the index of a list's entry."""
     if isinstance(place, dict):
+        if part not in place and (index := re.fullmatch(r"(\w+)\[(\w+)\]", part)):
+            remedy = f"Write {key.replace(part, '.'.join(index.groups()))}"
+            raise ConfigError("--set", key, None, "counts entries of a list with dots", remedy)
         return part
     entries = [str(i) for i in range(len(place))]
     if part not in entries:

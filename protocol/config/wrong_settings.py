@@ -24,6 +24,18 @@ MOST_TOLD = 10  # places that are told,
 LONGEST = 1300  # characters in all; a hostile file gets no long answer
 _NAME = re.compile(rf"[\w.:]{{1,{LONGEST_GUESS}}}")
 _INSTANCE = re.compile(r" or instance of \w+$")
+_MAPPING = "should be a mapping", "Write `key: value` lines below the key"
+_TEXTS = {
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), _MAPPING),
+    "bool_type": ("should be a valid boolean", "Write true or false, without quotes"),
+    "string_too_short": ("should not be empty", "Write at least {min_length} characters"),
+    "too_long": ("has {actual_length} values, at most {max_length} are taken", "Leave some out"),
+    "union_tag_invalid": ("should be one of {expected_tags}", "Choose one of them"),
+}
+"""Problem and remedy by pydantic's type of error, in place of its own text."""
+NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
+ROBOT_PATTERN = NAME_PATTERN + "|[/.:]"  # the name of a robot, or a path
+NAME_RULE = "is not a name of at most 32 letters a-z, digits and _ that starts with a letter"
 
 
 def config_error(
@@ -141,19 +153,32 @@ def _in_words(
         wanted = f"one {entries.removesuffix('s')}" if least == 1 else f"{least} {entries}"
         problem = f"needs a list of {wanted} or more, has {found}"
         return ConfigError(file, key, error["input"], problem, "Add to the list")
-    siblings = errors[:MOST_ERRORS]
-    members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
-    remedy = error.get("ctx", {}).get("remedy") or _remedy(model, path, error["input"])
-    return ConfigError(file, key, error["input"], ", or ".join(members), remedy)
+    siblings = [each for each in errors[:MOST_ERRORS] if _written(content, each) == path]
+    members = dict.fromkeys(map(_problem, siblings))
+    context, value = error.get("ctx", {}), error["input"]
+    remedy = context.get("remedy") or _remedy(model, path, error)
+    if error["type"] == "union_tag_invalid":
+        key, value = f"{key}.{context['discriminator'].strip(chr(39))}", context["tag"]
+    return ConfigError(file, key, value, ", or ".join(members), remedy)
 
 
-def _remedy(model: type[BaseModel], path: Sequence[str], value: Any) -> str:
-    """Change the value; of a name in the place of settings that have one, where that belongs."""
+def _problem(error: ErrorDetails) -> str:
+    """What is wrong with a value, without pydantic's own terms."""
+    context = error.get("ctx", {})
+    if (pattern := context.get("pattern")) in {NAME_PATTERN, ROBOT_PATTERN}:
+        return NAME_RULE + (", nor a path" if pattern == ROBOT_PATTERN else "")
+    text = _TEXTS.get(error["type"], ("",))[0]
+    return text.format(**context) if text else _plain(error["msg"])
+
+
+def _remedy(model: type[BaseModel], path: Sequence[str], error: ErrorDetails) -> str:
+    """What to write; of a name in the place of settings that have one, where that belongs."""
+    value, (_, remedy) = error["input"], _TEXTS.get(error["type"], ("", "Change the value"))
     below = models_below(_models_at(model, path[:-1]), path[-1]) if path else []
     named = isinstance(value, str) and _NAME.fullmatch(value)
     if named and any("kind" in inner.model_fields for inner in below):
         return f"Write {path[-1]}: {{kind: {value}}}"
-    return "Change the value"
+    return remedy.format(**error.get("ctx", {}))
 
 
 def _hint(model: type[BaseModel], path: Sequence[str], close: str | None) -> str:

@@ -70,8 +70,11 @@ def read_yaml(data: bytes | str) -> Any:
         if _DIRECTIVE.search(text):
             raise yaml.YAMLError("a line begins with %, and directives are not taken")
         return _Document(yaml.parse(text, _PARSER)).content()
-    except ValueError as error:  # not UTF-8, or a date such as 2001-99-99
-        raise yaml.YAMLError(str(error)) from error
+    except UnicodeDecodeError as error:
+        byte, place = error.object[error.start], error.start
+        raise yaml.YAMLError(f"byte {place} (0x{byte:02x}) is not UTF-8") from error
+    except ValueError as error:  # such as 2001-99-99
+        raise yaml.YAMLError(f"a date cannot be read ({error})") from error
 
 
 class _Document:

@@ -84,7 +84,8 @@ class Guard:
         role = self._roles.get(name)
         if role is None or not dot or request.version == OLDEST or not may_ask(role, request.verb):
             self._refused += 1
-            why = f"{request.who!r} has no right to {request.verb!r}"
+            listed = f"lists {name!r} as {role}" if role else f"does not list {name!r}"
+            why = f"{request.who!r} has no right to {request.verb!r}: access.yaml {listed}"
             request.answer({"error": why})
             return None
         if request.verb == "acquire":

@@ -44,7 +44,7 @@ CONSTRAINTS = PluginGroup(
     GROUP,
     BUILTIN,
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
-    "docs/writing_a_constraint.md",
+    "writing_a_constraint",
     {
         "joint_speed": "joint_velocity",
         "frame_still": "fixed_frame",

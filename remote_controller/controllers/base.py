@@ -250,7 +250,7 @@ class Controller(ABC):
             return []
         why = self.conditions[self.too_fast.bit_length() - 1]
         remedy = "Slow the law, damp the servos, or write kinematics_from: reference"
-        return [f"no answer will be certified: {why} (docs/plants.md). {remedy}"]
+        return [f"no answer will be certified: {why} (`hoap3 help plants`). {remedy}"]
 
     def task_errors(self) -> list[TaskError]:
         """Errors of the tasks at the last `step`, each with its tolerance; empty without a target.

@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, ClassVar
 
+import numpy as np
+from pydantic import model_validator
+
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+
+
+class PostureValues(Settings):
+    """Settings whose key `posture` takes joint values, too: they belong to `values_key`."""
+
+    values_key: ClassVar[str] = "posture_rad"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _move_values(cls, content: Any) -> Any:
+        match content:
+            case {"posture": [*values]} if cls.values_key not in content:
+                if {*map(type, values)} <= {int, float}:
+                    return {**content, "posture": None, cls.values_key: values}
+        return content
 
 
 def posture_of(

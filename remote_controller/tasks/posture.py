@@ -13,7 +13,7 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.live.live_settings import LivePostureSettings
-from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.references.postures import PostureValues, posture_of
 from hoap3.remote_controller.references.settings import PostureTarget
 from hoap3.remote_controller.references.target import Approach, Point
 from hoap3.remote_controller.tasks.accuracy import (
@@ -39,8 +39,10 @@ class PostureTask(Task):
         target: q_d, (m,) [rad or m].
     """
 
-    class Parameters(Task.Parameters):
+    class Parameters(PostureValues, Task.Parameters):
         """Which posture."""
+
+        values_key = "target_rad"
 
         posture: str | None = Field(
             None, description="one of the robot's description; null: where the robot starts"

@@ -41,7 +41,7 @@ TASKS = PluginGroup(
         "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
         "hoap3.remote_controller.tasks.task:Task",
     ),
-    "docs/writing_a_task.md",
+    "writing_a_task",
 )
 registered, find = TASKS.registered, TASKS.find
 

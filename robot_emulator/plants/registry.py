@@ -26,7 +26,7 @@ USUAL: dict[CommandKind, str] = {
 }
 """What a robot has whose config names no `plant.kind`."""
 
-PLANTS = PluginGroup("plant", GROUP, BUILTIN, (f"{_OURS}.base:Plant",), "docs/plants.md")
+PLANTS = PluginGroup("plant", GROUP, BUILTIN, (f"{_OURS}.base:Plant",), "plants")
 registered = PLANTS.registered
 
 _REFUSED = ("servo", "encoder", "contacts")

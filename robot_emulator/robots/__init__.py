@@ -6,6 +6,7 @@ path of such a folder or YAML file, or a callable that returns a `RobotDescripti
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
@@ -68,10 +69,10 @@ def load(
             return _third_party(entry)
     path = Path(name_or_path)
     is_path = isinstance(name_or_path, Path) or "/" in name_or_path
-    if not is_path and path.suffix not in {".yaml", ".yml"} and not path.exists():
+    if not is_path and path.suffix not in {".yaml", ".yml"} and not os.path.exists(path):
         hint = " Or write the path of a folder, of a YAML file or of a URDF."
         raise UnknownNameError("robot", str(name_or_path), available(), hint)
-    return read_robot(path / FILE if path.is_dir() else path)
+    return read_robot(path / FILE if os.path.isdir(path) else path)
 
 
 def load_configured(
@@ -83,7 +84,7 @@ def load_configured(
         UsageError: as of `load`.
     """
     path = split_arguments(name)[0]
-    if "/" in path and not path.startswith(DESCRIPTIONS) and not Path(path).exists():
+    if "/" in path and not path.startswith(DESCRIPTIONS) and not os.path.exists(path):
         remedy = "Name a robot's folder, its YAML file or a URDF; paths count from the config"
         raise ConfigError(file, "robot", name, "no such file or folder", remedy)
     try:
@@ -104,7 +105,7 @@ def find_file(name_or_path: str | Path) -> Path | None:
     path = Path(name_or_path)
     if is_source(name_or_path):
         return None
-    return path / FILE if path.is_dir() else path
+    return path / FILE if os.path.isdir(path) else path
 
 
 def _imported(name: str | Path, tip: str | None, lock_joints: Sequence[str]) -> RobotDescription:

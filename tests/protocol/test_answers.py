@@ -82,6 +82,13 @@ def test_a_wrong_value_is_named(key, value):
         parse_answer(Status, raw, "robot 'arm' answers 'status'")
 
 
+def test_a_missing_right_is_reported_as_such():
+    why = "'x.qp12-1' has no right to 'description': access.yaml does not list 'x'"
+    with pytest.raises(WireError, match="has no right to 'description'") as caught:
+        parse_description(json.dumps({"error": why}).encode(), "arm")
+    assert "nonsense" not in str(caught.value)
+
+
 @pytest.mark.parametrize("key", STATUS)
 def test_a_missing_key_is_named(key):
     content = {other: value for other, value in STATUS.items() if other != key}

@@ -60,8 +60,9 @@ from hoap3.tools.cli.services.soak import soak
 from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import verify
 from hoap3.tools.cli.viewers.bridge import bridge_app
+from hoap3.tools.cli.viewers.help import NEEDED_MB, GroupedCommands, show_help
 from hoap3.tools.cli.viewers.view import view
-from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
+from hoap3.tools.machine.processes import StopFlag, check_memory, die_with_parent, to_people
 from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
@@ -81,6 +82,7 @@ _COMMANDS = (
 for command in _COMMANDS:
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
+app.command("help")(show_help)
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)
 
 
@@ -118,13 +120,14 @@ def run(
     lock_joints: LockJoints = [],  # noqa: B006
 ) -> None:
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
-    stop = StopFlag()
+    check_memory(None if lockstep else NEEDED_MB["emulator"])
     watch_compilation()
     from hoap3.tools.services.run import run_lockstep, run_realtime
     from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
     from hoap3.tools.show.summary import LiveTable, show_next, show_summary
     from hoap3.tools.show.verdicts import failed
 
+    stop = StopFlag()
     ours, theirs = split_overrides(sets)
     if seed is not None:
         ours.append(f"seed={seed}")
@@ -148,7 +151,7 @@ def run(
         print_json(summary)
     else:
         show_summary(summary)
-        show_next(summary["log"])
+        show_next(summary, Path(emulator.robot).name)
     bad = failed(summary["verdicts"]) or summary["log_lost"] or summary["metrics_lost"]
     raise typer.Exit(1 if bad else 0)
 
@@ -172,10 +175,10 @@ def emulator(
     named: Named = None,
 ) -> None:
     """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
-    stop = StopFlag()
     from hoap3.tools.services.services import emulator_config, run_emulator
     from hoap3.tools.show.summary import show_summary
 
+    stop = StopFlag()
     sets = with_secure(sets, secure, insecure=insecure)
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
     if as_json and settings.log.tells_json:
@@ -201,6 +204,7 @@ def emulator(
 @app.command()
 def controller(
     config: Annotated[str, typer.Argument(help="Controller config: a name or a path.")],
+    duration: Duration = None,
     out: Out = None,
     no_realtime: NoRealtime = False,
     verbose: Verbose = False,
@@ -210,13 +214,13 @@ def controller(
     named: Named = None,
 ) -> None:
     """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
-    stop = StopFlag()
     from hoap3.tools.services.services import controller_config, run_controller
 
+    stop = StopFlag()
     sets = with_secure(sets, secure)
-    settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
+    given = controller_config(config, sets, realtime=not no_realtime, named=named)
     code = run_controller(
-        settings, file, out=out, status_fd=status_fd, should_stop=stop, verbose=verbose
+        *given, out=out, status_fd=status_fd, should_stop=stop, verbose=verbose, duration=duration
     )
     raise typer.Exit(code)
 
@@ -480,14 +484,16 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(cls=GroupedCommands)
 def _root(
+    context: typer.Context,
     _: Annotated[
         bool,
         typer.Option("--version", callback=_version, is_eager=True, help="Versions of the stack."),
     ] = False,
 ) -> None:
     """Control a robot from a separate process at 1 kHz; see why each deadline was met or missed."""
+    check_memory(NEEDED_MB.get(context.invoked_subcommand or ""))
 
 
 def _repair(path: Path, as_json: bool) -> None:
@@ -565,6 +571,10 @@ def main() -> None:
     except Hoap3Error as error:
         to_people(f"error: {error}")
         sys.exit(2 if isinstance(error, UsageError) else 1)
+    except OSError as error:
+        named = f" (found {error.filename!r:.80})" if error.filename else ""
+        to_people(f"error: {error.strerror or error}{named}. Name another file or folder")
+        sys.exit(1)
 
 
 if __name__ == "__main__":

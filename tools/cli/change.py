@@ -80,5 +80,5 @@ def priorities() -> None:
     raise UsageError(
         "`hoap3 priorities` is now `hoap3 change`: alone it shows them; "
         f'{_EXAMPLE} orders, and "set": [["foot", "posture", 0.5]], "insert": ["foot"], '
-        '"remove": ["foot"] and "over_s": 2.0 do the rest: docs/priorities.md'
+        '"remove": ["foot"] and "over_s": 2.0 do the rest: `hoap3 help priorities`'
     )

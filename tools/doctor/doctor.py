@@ -129,7 +129,7 @@ def show(diagnosis: dict[str, Any]) -> None:
     levels = [finding["level"] for finding in diagnosis["findings"]]
     results.print(
         f"{diagnosis['verdict']}: {levels.count('problem')} problems, "
-        f"{levels.count('advice')} pieces of advice; docs/realtime_rights.md explains each",
+        f"{levels.count('advice')} pieces of advice; `hoap3 help realtime_rights` explains each",
     )
 
 

@@ -26,6 +26,8 @@ from hoap3.tools.machine.terminal import printable
 
 ORDERLY_END_S = 60.0  # for a service whose parent is gone; then it is killed
 OPEN_FILES = 64  # a robot with its controller and tools had 15
+MEMORY_MB = 1024  # address space of a process with numba, SciPy and Pinocchio: 690 were used
+SERVICE_MB = 2048  # with Zenoh and its threads: 1,530
 _LIFELINE = "HOAP3_LIFELINE"
 
 
@@ -194,6 +196,20 @@ def check_open_files() -> None:
         raise UsageError(
             f"this process may open {allowed} files at a time, and needs up to {OPEN_FILES}: "
             "`ulimit -n 1024`, or LimitNOFILE=1024 in its systemd unit"
+        )
+
+
+def check_memory(needed_mb: int | None = None) -> None:
+    """Refuse what would run out of memory while it is imported, where OpenBLAS retries for ever.
+
+    Raises:
+        UsageError: too little address space.
+    """
+    allowed, needed_mb = resource.getrlimit(resource.RLIMIT_AS)[0], needed_mb or MEMORY_MB
+    if allowed != resource.RLIM_INFINITY and allowed < needed_mb << 20:
+        raise UsageError(
+            f"this process may use {allowed >> 20} MB of address space, and needs {needed_mb}: "
+            "`ulimit -v unlimited`, or LimitAS=infinity in its systemd unit"
         )
 
 

@@ -10,7 +10,8 @@ from typing import Any
 
 from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
 from hoap3.protocol.config.endpoints import Place, endpoint_fault
-from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings, parse
+from hoap3.protocol.config.settings import LinkSettings, parse
+from hoap3.protocol.config.wrong_settings import NAME_PATTERN
 from hoap3.protocol.errors import ConfigError, LinkError, UsageError, WireError
 
 ENDPOINT = "tcp/127.0.0.1:7447"
@@ -171,7 +172,9 @@ def unanswered(settings: LinkSettings) -> str:
 def check_name(robot: str) -> None:
     """Refuse what is no name of one robot, such as a wildcard."""
     if not re.fullmatch(NAME_PATTERN, robot):
-        raise UsageError(f"{robot!r} is not the name of a robot. Names match {NAME_PATTERN}")
+        raise UsageError(
+            f"{robot!r:.80} is not the name of a robot: write a-z, 0-9 and _, 32 at most"
+        )
 
 
 def alive(endpoint: str) -> list[dict[str, Any]]:

@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hoap3.protocol.config.endpoints import is_loopback, zone_fault
 from hoap3.protocol.config.settings import STANDARD_OUTPUT
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Event
@@ -261,7 +262,6 @@ class _LogKeeper:
             LogFacts,
             MetricsServer,
             ServiceMetrics,
-            seen_from_outside,
         )
 
         folder = Path(order["directory"]) if order["directory"] else None
@@ -278,10 +278,11 @@ class _LogKeeper:
         try:
             server = MetricsServer(self._metrics, host, port)
         except (OSError, UnicodeError) as error:  # a host that is no name
-            why = getattr(error, "strerror", None) or str(error)
+            fault = zone_fault(host)
+            why = ". ".join(fault) if fault else getattr(error, "strerror", None) or str(error)
             self._tell_service({"unserved": f"{why} ({host}, port {port})"})
             return
-        who = "; whoever reaches that address sees them" if seen_from_outside(host) else ""
+        who = "; whoever reaches that address sees them" if not is_loopback(host) else ""
         self._reporter.say(f"metrics at {server.url}{who}", "said" if who else "routine")
 
     def _log_bytes(self) -> int:

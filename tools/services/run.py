@@ -298,9 +298,10 @@ class _Services:
 
     @property
     def refused(self) -> bool:
-        """Whether a service failed before any State had reached the controller."""
+        """Whether a service failed, or was stopped, before a State had reached the controller."""
         told = self.finals.get("controller", {"states": 0})
-        return self.failure is not None and nothing_happened(told)
+        interrupted = self._stop() and not (self.summary or {}).get("ticks")
+        return (interrupted or self.failure is not None) and nothing_happened(told)
 
     def _listen(self, timeout: float) -> bool:
         heard = False

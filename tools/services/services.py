@@ -31,7 +31,7 @@ from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.protocol.secure.credentials import read_credentials
-from hoap3.remote_controller.config import ControllerConfig, check_parameters
+from hoap3.remote_controller.config import ControllerConfig, check_parameters, is_name
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
@@ -56,7 +56,7 @@ from hoap3.tools.services.placement import settled_alone
 from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import Meter, print_line
 from hoap3.tools.show.refusal import forget, is_new, nothing_happened
-from hoap3.tools.show.result_folder import new_name
+from hoap3.tools.show.result_folder import new_name, remove_if_empty
 from hoap3.tools.show.verdicts import failed
 from hoap3.tools.simulate import emulator_content
 
@@ -164,6 +164,7 @@ def run_folder(
     try:
         if folder.suffix == LOG_SUFFIX:
             raise NotADirectoryError(errno.ENOTDIR, "is the name of a log, not of its folder")
+        remove_if_empty(folder)
         folder.mkdir(parents=True, exist_ok=out is not None)
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
@@ -335,12 +336,20 @@ def run_controller(
     status_fd: int | None,
     should_stop: Callable[[], bool],
     verbose: bool = False,
+    duration: float | None = None,
 ) -> int:
-    """Run a controller until it is told to stop; exit code 1 where its log or metrics were lost."""
+    """Run a controller until it is told to stop, or has followed its robot for `duration` [s].
+
+    Returns:
+        Exit code, 1 where its log or metrics were lost.
+    """
     check_open_files()
     from hoap3.remote_controller.service import Service
 
     on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
+    if not is_name(config.robot):
+        named = describe(*emulator_config(config.robot, [])).name
+        config = config.model_copy(update={"robot": named})
     with closing(StatusReporter(status_fd, verbose=verbose)) as voice:
         watch_compilation(voice.compiling)
         observed = _observed("controller", config.robot, config, out, voice, 1_000_000)
@@ -348,8 +357,10 @@ def run_controller(
             with observed as (observer, folder, settled):
                 one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
                 robot = _robot_of(settled, file) if settled.link.kind == "hoap3_tcp" else None
+
                 asked = observer.watching(should_stop)
-                Service(settled, one, voice.say, asked, file, other, on_stop, robot).run()
+                service = Service(settled, one, voice.say, asked, file, other, on_stop, robot)
+                service.run(duration)
         except Hoap3Error as error:
             return voice.fail(error)
         voice.result(f"log: {folder or 'none'}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from itertools import islice
 from pathlib import Path
@@ -15,7 +16,7 @@ from hoap3.protocol.config.user_code import UserCode
 from hoap3.protocol.config.wrong_settings import likeness
 from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError, one_of
 from hoap3.remote_controller import registry as controllers
-from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.config import ControllerConfig, build, is_name
 from hoap3.remote_controller.config import available_configs as controller_configs
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.remote_controller.constraints import registry as constraints
@@ -46,7 +47,7 @@ def _read(name: str, overrides: list[str]) -> tuple[EmulatorConfig | ControllerC
     known = {*emulator_configs(), *robots(), *controller_configs(), *controllers.registered()}
     path = Path(name)
     named = name in known or ":" in name or path.suffix in {".yaml", ".yml"}
-    if not (named or is_source(name) or path.exists()):
+    if not (named or is_source(name) or os.path.exists(name)):
         check_path(name, "a config, or a robot's folder, YAML file or URDF")
         raise UnknownNameError("config", name, known, " Or name a file.")
     if not _is_emulator(name):
@@ -98,7 +99,7 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
         if robot is not None:
             raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
         description = describe(config, file)
-        start = description.postures[config.posture or description.initial_posture]
+        start = description.postures[description.initial_posture]
         build_body(description, config)[1].reset(np.array(start))
         return "a correct config of an emulator"
     file = f"{file} with --set" if overrides else file
@@ -107,7 +108,8 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
         unchecked = "so what depends on it was not checked: name one with --robot"
         if "robot" not in config.model_fields_set:
             return f"{correct}; it names no robot, {unchecked}"
-        _check_robot(config.robot, file)
+        if is_name(config.robot):
+            _check_robot(config.robot, file)
     emulator, source = emulator_config(robot or config.robot, [])
     _, description = suited(emulator, config, (source, file))
     build(config, description, file)
@@ -217,10 +219,9 @@ def _is_emulator(name: str) -> bool:
         return True
     if name in controller_configs():
         return False
-    path = Path(name)
-    if path.is_dir():
+    if os.path.isdir(name):
         return True
-    return path.is_file() and _has_keys_of_an_emulator(load_yaml(path))
+    return os.path.isfile(name) and _has_keys_of_an_emulator(load_yaml(Path(name)))
 
 
 def _has_keys_of_an_emulator(content: dict[str, Any]) -> bool:

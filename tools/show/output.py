@@ -6,7 +6,9 @@ A reader that goes away, such as `head`, is no error: the command ends as it wou
 from __future__ import annotations
 
 import json
+import logging
 import os
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -24,11 +26,13 @@ from rich.progress import (
 from rich.text import Text
 
 from hoap3.protocol.errors import Hoap3Error
+from hoap3.tools.machine.processes import to_people
 from hoap3.tools.machine.terminal import printable
 
 REFRESH_S = 0.1  # of a bar on a terminal
 FIRST_LINE_S = 2.0  # where there is no terminal: when the first line of progress is written
 NEXT_LINE_S = 10.0  # and how long after it the next one
+QUIET_S = 60.0  # between two lines about bad connections
 WIDE = 1000  # columns where there is no terminal: a row of a table stays one line
 
 
@@ -58,7 +62,7 @@ class _Stream:
         return self._stream.fileno()
 
     def write(self, text: str) -> None:
-        """Write text.
+        """Write text, on a terminal with the blanks that fill the cells of tables.
 
         Raises:
             Hoap3Error: standard output cannot be written, and not because its reader went away.
@@ -67,7 +71,7 @@ class _Stream:
         if stream is None:
             return
         try:
-            stream.write(text)
+            stream.write(text if self.isatty() else re.sub(r" +$", "", text, flags=re.MULTILINE))
             stream.flush()
         except OSError as error:
             with suppress(OSError, ValueError):  # it has no file descriptor, as in a test
@@ -120,6 +124,27 @@ def print_note(text: str) -> None:
 def print_json(content: Any) -> None:
     """The result as one JSON object."""
     _Stream("stdout").write(json.dumps(content, indent=2) + "\n")
+
+
+class _BadConnections(logging.Handler):
+    """Counts records, and reports them at most once in `QUIET_S`."""
+
+    count, due = 0, 0.0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count a connection."""
+        self.count += 1
+        if (now := time.monotonic()) >= self.due:
+            self.due = now + QUIET_S
+            why = (record.exc_info and record.exc_info[1]) or record.getMessage()
+            to_people(f"{record.name}: {self.count} bad connections so far, the last: {why!s:.99}")
+
+
+def bad_connections(where: str) -> logging.Logger:
+    """What logs connections that are not understood; `where` is what listens."""
+    logger = logging.Logger(where, logging.WARNING)
+    logger.addHandler(_BadConnections())
+    return logger
 
 
 class Meter:

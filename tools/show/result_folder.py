@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import time
 from pathlib import Path
 
@@ -19,6 +20,13 @@ def new_name(base: Path) -> Path:
     return folder
 
 
+def remove_if_empty(folder: Path) -> None:
+    """At the end of this process remove what is made for a folder, if nothing is in it."""
+    for each in (*reversed(folder.parents), folder):
+        if not each.exists():
+            atexit.register(lambda at=each: at.is_dir() and not any(at.iterdir()) and at.rmdir())
+
+
 def make_folder(folder: Path, result: str) -> None:
     """Make a folder for results, before minutes of work rather than after.
 
@@ -33,6 +41,7 @@ def make_folder(folder: Path, result: str) -> None:
         problem = f"holds {result} already, which is not replaced"
         raise ConfigError("--out", "", str(folder), problem, "Name another folder, or remove it")
     try:
+        remove_if_empty(folder)
         folder.mkdir(parents=True, exist_ok=True)
         with whole_file(folder / ".try") as draft:
             draft.touch()

@@ -178,12 +178,18 @@ def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
         table.add_row("in time", late)
 
 
-def show_next(log: str | None) -> None:
-    """Say what can be done with the log of a run."""
+def show_next(summary: dict[str, Any], robot: str) -> None:
+    """Print what can be done after a run: after a safe stop, and with its log."""
+    log, lead = summary["log"], "next:"
+    if summary.get("safe_stops"):
+        print_note("next:  hoap3 run --lockstep    in virtual time, where each answer is in time")
+        print_note("       hoap3 doctor            what this machine lacks for real time")
+        print_note(f"       hoap3 recover {robot}    let a robot that still runs move again")
+        lead = "     "
     if log is None:
         return
     folder = shlex.quote(log)
-    print_note(f"next:  hoap3 report {folder}     a page with figures and plots")
+    print_note(f"{lead}  hoap3 report {folder}     a page with figures and plots")
     print_note(f"       hoap3 replay {folder}     repeat it, and compare every setpoint")
     print_note(f"       hoap3 export {folder} --to run.csv")
 

@@ -100,7 +100,9 @@ class ControllerCase:
         payloads, setpoints = zip(*moved(controller, body, LENGTH), strict=True)
         return payloads, np.array(setpoints)
 
-    def two_seconds(self, posture: str | None) -> tuple[np.ndarray[Any, Any], FloatArray]:
+    def two_seconds(
+        self, posture: str | tuple[float, ...] | None
+    ) -> tuple[np.ndarray[Any, Any], FloatArray]:
         """The setpoints of a motion, and the references that the robot applied."""
         return _two_seconds(self, posture)
 
@@ -116,7 +118,7 @@ def controller_case(name: str, robot: str | None) -> ControllerCase:
 
 @cache
 def _two_seconds(
-    case: ControllerCase, posture: str | None
+    case: ControllerCase, posture: str | tuple[float, ...] | None
 ) -> tuple[np.ndarray[Any, Any], FloatArray]:
     done = case.run(2.0, posture=posture)
     return done.setpoints, done.states["reference"]

@@ -18,6 +18,8 @@ import ipaddress
 import secrets
 import socket
 
+from hoap3.protocol.config.endpoints import is_loopback
+
 TOKEN_BYTES = 24
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 WEB_PORT = 80  # which stands in no Host
@@ -123,16 +125,6 @@ class Visit:
             return False
         expected = hmac.new(self._token, text.encode("utf-8", "surrogatepass"), hashlib.sha256)
         return hmac.compare_digest(expected.hexdigest().encode(), code.encode("utf-8", "replace"))
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches a host."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _is_address(name: str) -> bool:

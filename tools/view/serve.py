@@ -8,7 +8,8 @@ import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hoap3.tools.view.access import is_loopback, new_token
+from hoap3.protocol.config.endpoints import is_loopback
+from hoap3.tools.view.access import new_token
 from hoap3.tools.view.server import PageServer
 from hoap3.tools.view.sources.live import Live
 from hoap3.tools.view.sources.log_source import LogSource

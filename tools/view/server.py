@@ -16,7 +16,9 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from hoap3.protocol.config.endpoints import zone_fault
 from hoap3.protocol.errors import ConfigError, PortInUseError
+from hoap3.tools.show.output import bad_connections
 from hoap3.tools.view.access import Gate
 from hoap3.tools.view.files import MESH, headers, read_static
 from hoap3.tools.view.page import Page, Player, text
@@ -80,8 +82,8 @@ class PageServer:
         self, source: Source, operator: Operator | None, token: str | None, host: str, port: int
     ) -> None:
         self._source, self._operator, self._token = source, operator, token
-        self._host, self.port = host, port
-        self._gate = Gate(token, host, port)
+        self._host, self.port = host.strip("[]"), port
+        self._gate = Gate(token, self._host, port)
         self._static = read_static()
         self._pages: dict[Page, Any] = {}
         self._changeable: list[dict[str, Any]] = []
@@ -140,6 +142,7 @@ class PageServer:
                 process_request=self._asked,
                 compression=None,
                 server_header=None,
+                logger=bad_connections("live page"),
                 open_timeout=5.0,
                 ping_interval=5.0,
                 ping_timeout=10.0,
@@ -149,6 +152,8 @@ class PageServer:
                 write_limit=SEND_BYTES,
             )
         except OSError as error:
+            if fault := zone_fault(self._host):
+                raise ConfigError("--host", "", self._host, *fault) from error
             where = f"{self._host}:{self.port}"
             if isinstance(error, socket.gaierror) or "assign" in str(error):
                 remedy = "Name an address of this machine with --host, such as 127.0.0.1"

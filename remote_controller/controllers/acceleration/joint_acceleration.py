@@ -17,7 +17,7 @@ from hoap3.remote_controller.controllers.acceleration.joint_bounds import (
     JointBounds,
 )
 from hoap3.remote_controller.controllers.base import STATUS, Controller
-from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.references.postures import PostureValues, posture_of
 from hoap3.remote_controller.tasks.accelerations.settings import critical_damping
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
@@ -52,7 +52,7 @@ class JointAccelerationController(Controller):
         ConfigError: a posture that the robot does not have, or bounds that do not fit it.
     """
 
-    class Parameters(Controller.Parameters):
+    class Parameters(PostureValues, Controller.Parameters):
         """Where to, how fast, and within what."""
 
         posture: str | None = Field(

@@ -12,7 +12,7 @@ from hoap3.protocol.errors import ConfigError, located, one_of
 from hoap3.remote_controller.controllers.acceleration.settings import HierarchyParameters
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.references.postures import PostureValues, posture_of
 from hoap3.remote_controller.scheduling.weights import WeightSettings
 from hoap3.remote_controller.tasks.accelerations.settings import (
     AccelerationTask,
@@ -32,7 +32,7 @@ POSE, REST = "pose", "rest"
 """What the task of `goal` is called, and the posture."""
 
 
-class PostureSettings(Gains):
+class PostureSettings(PostureValues, Gains):
     """What the joints do where the tasks leave them free."""
 
     posture: str | None = Field(

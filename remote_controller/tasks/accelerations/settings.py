@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
+from hoap3.remote_controller.references.postures import PostureValues
 from hoap3.remote_controller.tasks.registry import LabelledTask
 
 Triple = tuple[float, float, float]
@@ -41,7 +42,7 @@ def critical_damping(parameters: Any, key: str) -> float | None:
     return 2.0 * math.sqrt(parameters.kp)
 
 
-class GoalSettings(Settings):
+class GoalSettings(PostureValues):
     """Where the frame shall be: at a pose, or where it is in a posture of the robot."""
 
     posture: str | None = Field(None, description="of the robot's description")

@@ -14,7 +14,7 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.live.live_settings import (
     LivePoseSettings,
 )
-from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.references.postures import PostureValues, posture_of
 from hoap3.remote_controller.references.settings import PoseTarget, target_of
 from hoap3.remote_controller.references.target import Approach, Hold, Joined, Point, Target
 from hoap3.remote_controller.references.trajectories.trajectory_settings import (
@@ -60,7 +60,7 @@ class FramePoseTask(Task):
         FrameNotFoundError: the robot has no such frame.
     """
 
-    class Parameters(Task.Parameters):
+    class Parameters(PostureValues, Task.Parameters):
         """Which frame, and where it shall be; the last three weights are in m²/rad²."""
 
         frame: str = Field(description="frame that shall get there")

@@ -223,7 +223,7 @@ class MujocoPlant(Plant):
         if self._kind == "position":
             said.append(
                 f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
-                "in the start posture (docs/plants.md)"
+                "in the start posture (`hoap3 help plants`)"
             )
         return said
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.config.settings import NAME_PATTERN
+from hoap3.protocol.config.wrong_settings import NAME_PATTERN
 from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics

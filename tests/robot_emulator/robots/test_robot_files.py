@@ -142,7 +142,7 @@ WRONG = {  # YAML, key, words of the message
         "unknown",
     ),
     "no name": ("urdf: arm3.urdf\n", "name", "missing"),
-    "bad name": (YAML.replace("name: arm3", "name: Arm-3"), "name", "pattern"),
+    "bad name": (YAML.replace("name: arm3", "name: Arm-3"), "name", "starts with a letter"),
     "number as text": (YAML + "period_s: 'fast'\n", "period_s", "a number"),
     "number in quotes": (YAML + "period_s: '1e-3'\n", "period_s", "in quotes it is text"),
     "in a joint": (
@@ -153,7 +153,7 @@ WRONG = {  # YAML, key, words of the message
     "not finite": (YAML + "period_s: .nan\n", "period_s", "finite"),
     "posture as text": (YAML + "postures: {zero: [a, b, c]}\n", "postures.zero.0", "a number"),
     "joints as text": (YAML + "joints: shoulder\n", "joints", "valid list"),
-    "joint as number": (YAML + "joints: [1]\n", "joints.0", "valid dictionary"),
+    "joint as number": (YAML + "joints: [1]\n", "joints.0", "should be a mapping"),
     "sole": (YAML + "soles: [{frame: tool, outline: []}]\n", "soles.0.outline", "frame, polygon"),
     "command kind": (YAML + "command_kinds: [speed]\n", "command_kinds.0", "'torque'"),
     "missing URDF": (YAML.replace("arm3.urdf", "arm4.urdf"), "urdf", "No such file"),

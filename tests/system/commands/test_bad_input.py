@@ -56,7 +56,7 @@ WRONG_CONTROLLER = {
     "nothing": ("", ("is empty", "`controller: qp12`")),
     "no controller": ("robot: hoap3\n", ("controller", "is missing", "Add it")),
     "no mapping": ("- qp12\n", ("is not a mapping", "`key: value`")),
-    "no YAML": ("controller: [qp12\n", ("is not valid YAML", "line 2", "Correct it")),
+    "no YAML": ("controller: [qp12\n", ("is not valid YAML", "line 2", "bracket")),
     "not text": ("controller: \x00\n", ("is not valid YAML",)),
     "unknown controller": ("controller: qp21\n", ("qp21", "Did you mean 'qp12'?")),
     "bad name": ("controller: qp12\nrobot: HOAP 3\n", ("robot", "'HOAP 3'")),

@@ -166,7 +166,7 @@ def test_a_urdf_is_a_robot_and_no_config(tmp_path: Path) -> None:
         refused = inside(*words)
         assert refused.code == 2
         assert "is a URDF" in refused.stderr
-        assert "new_robot.md" in refused.stderr
+        assert "help new_robot" in refused.stderr
 
 
 def test_a_schema_is_found_beside_the_current_folder(

@@ -53,6 +53,7 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "robot import": ("robot", "import", UR5, "--out", "{out}"),
     "robot check": ("robot", "check", UR5),
     "trajectory check": ("trajectory", "check", WAVE, "--robot", "ur5"),
+    "help": ("help", "view"),
     "trajectory from": ("trajectory", "from", "{log}", "--out", "{out}.csv"),
 }
 """What needs no robot that runs."""
@@ -87,7 +88,7 @@ LIVE: dict[str, tuple[object, ...]] = {
 }
 SERVICES = {"emulator", "controller"}
 ONE_FORM = {
-    *("change", "config show", "config check", "config schema", "export", "controller"),
+    *("change", "config show", "config check", "config schema", "export", "controller", "help"),
     "trajectory from",
 }
 """Commands without `--json`."""

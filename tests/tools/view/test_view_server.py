@@ -460,3 +460,18 @@ def test_a_page_that_draws_slowly_is_sent_the_newest_frame_when_it_has_drawn(ser
         pen.say(kind="drawn", frames=5 + AHEAD)
         pen._waits.clear()
         assert pen.hear("frame")["tick"] > before + 20 > first
+
+
+def test_bad_connections_are_one_line_and_no_traceback(capsys):
+    with Served(StillSource(), NotingOperator(), new_token()) as served:
+        address, _, port = served.host.rpartition(":")
+        for sent in (b"GET / HTTP/1.0\r\n\r\n", b"garbage\r\n\r\n", b"A" * 70_000) * 5:
+            with socket.create_connection((address, int(port)), 30) as client, suppress(OSError):
+                client.sendall(sent)
+                while client.recv(4096):
+                    continue  # until the server has closed it
+        assert get(served.host, "/").status == 200
+    told = capsys.readouterr().err
+    assert "Traceback" not in told
+    assert told.count("\n") == 1
+    assert "bad connections" in told

@@ -5,7 +5,6 @@ They are made when somebody asks, from what the observer counts anyway.
 
 from __future__ import annotations
 
-import ipaddress
 import os
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ from hoap3.tools.services.monitoring.watchdog import MODES
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.stall_attribution import OutsideStalls
 from hoap3.tools.show.event_words import event_name
+from hoap3.tools.show.output import bad_connections
 
 BUCKETS_US = (
     *(50, 75, 100, 150, 200, 300, 400, 500, 600, 700, 800, 900, 1000, 1250, 1500),
@@ -33,6 +33,7 @@ BUCKETS_US = (
 )
 """Of round trips and wake-ups, close together where the deadline of a 1 kHz loop stands."""
 ACCEPT_PAUSE_S = 0.1  # until a client is accepted that could not be
+IDLE_S = 10.0  # without a request, after which a connection is closed
 STAGE_BUCKETS_US = (1, 2, 5, 10, 20, 50, 100, 200, 300, 500, 700, 1000, 2000, 5000, 20_000)
 
 
@@ -218,17 +219,13 @@ class MetricsServer:
                 raise
 
         self._server.get_request = accepted  # type: ignore[method-assign]
+        logger = bad_connections("metrics")
+        self._server.handle_error = lambda *_: logger.exception("")  # type: ignore[method-assign]
+        kind: Any = self._server.RequestHandlerClass
+        self._server.RequestHandlerClass = type(kind.__name__, (kind,), {"timeout": IDLE_S})
         self.url = f"http://{host}:{self._server.server_port}/metrics"
 
     def close(self) -> None:
         """Serve no more."""
         self._server.shutdown()
         self._server.server_close()
-
-
-def seen_from_outside(host: str) -> bool:
-    """Whether others than this machine reach an address."""
-    try:
-        return not ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host != "localhost"

@@ -6,6 +6,7 @@ import errno
 import os
 import resource
 import socket
+import struct
 import threading
 import urllib.request
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from support.certificates.laboratory import laboratory
 from support.command_bench import PATIENCE_S, free_port
 from support.robot_bench import Bench
 
+from hoap3.protocol.config.endpoints import is_loopback
 from hoap3.protocol.config.settings import MetricsSettings
 from hoap3.protocol.errors import NotInstalledError
 from hoap3.protocol.runtime.deadlines import Durations
@@ -27,16 +29,17 @@ from hoap3.protocol.runtime.shm_ring import Ring
 from hoap3.protocol.secure.credentials import read_credentials
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 from hoap3.tools.machine import extras
+from hoap3.tools.services.monitoring import metrics as metrics_module
 from hoap3.tools.services.monitoring.metrics import (
     BUCKETS_US,
     LogFacts,
     MetricsServer,
     ServiceMetrics,
     histogram,
-    seen_from_outside,
 )
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.services import _metrics
+from hoap3.tools.show import output
 
 LABELS = {"side": "robot", "robot": "arm"}
 
@@ -185,12 +188,12 @@ def test_without_the_extra_a_service_says_what_to_install(monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost", "127.1.2.3"])
 def test_loopback_is_seen_by_nobody_else(host: str) -> None:
-    assert not seen_from_outside(host)
+    assert is_loopback(host)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.10", "::", "robot.lab"])
 def test_other_addresses_are_seen(host: str) -> None:
-    assert seen_from_outside(host)
+    assert not is_loopback(host)
 
 
 def test_the_end_of_a_certificate_is_told_where_there_is_one(ring: Ring, tmp_path: Path) -> None:
@@ -228,3 +231,25 @@ def test_a_client_that_cannot_be_accepted_is_not_tried_at_once_again(ring: Ring)
         client.sendall(b"GET /metrics HTTP/1.0\r\n\r\n")
         assert b" 200 " in client.recv(100)
     server.close()
+
+
+def test_bad_connections_are_closed_and_counted_in_one_line(
+    ring: Ring, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(metrics_module, "IDLE_S", 0.05)
+    server = MetricsServer(of_a_run(Bench(), ring), "127.0.0.1", free_port())
+    place = "127.0.0.1", int(server.url.split(":")[2].split("/")[0])
+    told: list[str] = []
+    monkeypatch.setattr(output, "to_people", told.append)
+    for sent in (b"", b"GET /metrics HT", b"\x00\xff\r\n\r\n"):
+        with socket.create_connection(place, PATIENCE_S) as client:
+            client.sendall(sent)
+            while client.recv(4096):
+                continue  # until the server has closed it
+    while not told:
+        with socket.create_connection(place, PATIENCE_S) as client:
+            client.sendall(b"GET /metrics HTTP/1.0\r\n")
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    server.close()
+    assert len(told) == 1
+    assert "Traceback" not in capsys.readouterr().err

@@ -1,0 +1,277 @@
+"""What stops a first user: paths, names, memory, interrupts, and what commands offer next."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from support import HOUSE
+from support.command_bench import (
+    QUIET,
+    Command,
+    assert_no_traceback,
+    controller,
+    emulator,
+    endpoint,
+    hoap3,
+    inside,
+    on_path,
+)
+
+from hoap3.tools.cli.app import command_line
+from hoap3.tools.cli.viewers.help import GROUPS
+from hoap3.tools.show import output
+from hoap3.tools.show.summary import show_next
+
+UR5 = HOUSE / "robot_emulator" / "robots" / "ur5"
+LOCKSTEP = ("run", "--lockstep", "--duration", "0.05", "--no-realtime")
+NOT_RECORDED = ("--set", "emulator.log.record=false")
+LONG = "r" * 256
+SLOW = """
+import sys
+import time
+
+sys.stderr.write("importing\\n")
+sys.stderr.flush()
+try:
+    time.sleep({seconds})
+except BaseException as error:  # as libraries do
+    raise ImportError("cannot import") from error
+"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """A folder with a robot of its own, and a config of a controller beside it."""
+    shutil.copytree(UR5, tmp_path / "own")
+    text = (tmp_path / "own" / "robot.yaml").read_text()
+    (tmp_path / "own" / "robot.yaml").write_text(text.replace("name: ur5", "name: own_arm"))
+    content = {"controller": "qp12", "robot": "./own"}
+    (tmp_path / "law.yaml").write_text(yaml.safe_dump(content))
+    return tmp_path
+
+
+def test_the_robot_of_a_controller_is_a_path(arm: Path) -> None:
+    checked = inside("config", "check", arm / "law.yaml")
+    assert (checked.code, checked.stderr) == (0, "")
+    assert "own_arm" in checked.stdout
+    ran = inside(*LOCKSTEP, "--controller", arm / "law.yaml", "--json", "--out", arm / "log")
+    assert ran.json()["ticks"] == 50
+
+
+@pytest.mark.slow
+def test_a_controller_finds_the_robot_that_its_path_describes(arm: Path) -> None:
+    at = endpoint()
+    with (
+        emulator(arm / "own", *QUIET, at=at) as robot,
+        controller(arm / "law.yaml", "--duration", 0.2, *QUIET, at=at) as law,
+    ):
+        law.hear("following robot 'own_arm'")
+        assert law.end() == 0  # by itself
+        robot.end(signal.SIGTERM)
+    assert_no_traceback(law)
+
+
+def test_a_path_that_leads_nowhere_is_named_with_its_key(arm: Path) -> None:
+    shutil.rmtree(arm / "own")
+    for words in (("config", "check"), (*LOCKSTEP, "--controller")):
+        done = inside(*words, arm / "law.yaml")
+        assert done.code == 2
+        assert f"law.yaml: robot: no such file or folder (found '{arm / 'own'}')" in done.stderr
+
+
+def test_a_controller_is_given_as_json() -> None:
+    text = json.dumps({"controller": "qp12", "robot": "ur5"})
+    done = inside(*LOCKSTEP, "--controller", text, "--json", *NOT_RECORDED)
+    assert done.json()["ticks"] == 50
+
+
+@pytest.mark.parametrize("text", ['{"controller": "qp12"', "controller: qp12", "{controler: qp12}"])
+def test_wrong_text_for_a_controller_is_no_python_error(text: str) -> None:
+    done = inside(*LOCKSTEP, "--controller", text)
+    assert done.code == 2
+    assert "controller" in done.stderr
+    assert "Error:" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (*LOCKSTEP, "--robot", LONG),
+        (*LOCKSTEP, "--controller", LONG),
+        ("robot", "check", LONG),
+        ("config", "check", LONG),
+        ("emulator", f"./{LONG}"),
+        ("config", "check", "ur5", "--set", f"robot={LONG}"),
+        ("config", "check", "qp12", "--set", f"robot={LONG}"),
+        ("report", LONG),
+        ("verify", LONG),
+        (*LOCKSTEP, "--out", LONG),
+    ],
+    ids=lambda words: " ".join(words)[:30],
+)
+def test_a_name_that_no_file_can_have_is_one_error(words: tuple[str, ...]) -> None:
+    done = inside(*words)
+    assert done.code in {1, 2}
+    assert done.stderr.startswith("error: ")
+    assert "rrrrrrrr" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_folder_that_is_not_utf8_is_named(tmp_path: Path) -> None:
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/f\xff"))
+    shutil.copytree(UR5, folder / "arm")
+    refused = hoap3(*LOCKSTEP[:-1], "--robot", "arm/robot.yaml", "--out", "log", cwd=folder)
+    assert refused.end() == 2
+    assert_no_traceback(refused)
+    assert "robot: is not UTF-8" in refused.stderr
+    assert not (folder / "log").exists()
+    ran = hoap3(*LOCKSTEP[:-1], "--robot", "ur5", "--out", folder / "log", cwd=folder)
+    assert ran.end() in {0, 1}
+    assert_no_traceback(ran)
+    assert (folder / "log" / "robot.mcap").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("megabytes", [100, 200, 500, 1000])
+@pytest.mark.parametrize("words", [LOCKSTEP, ("run",), ("emulator", "ur5"), ("robot", "check")])
+def test_too_little_memory_is_said_before_anything_is_imported(
+    words: tuple[str, ...], megabytes: int
+) -> None:
+    limited = ("prlimit", f"--as={megabytes << 20}")
+    words = (*words, str(UR5)) if words[0] == "robot" else words
+    with Command(*words, wrapper=limited) as command:
+        assert command.end() == 2
+    assert re.fullmatch(rf"error: .* {megabytes} MB .*ulimit -v.*\n", command.stderr)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["numba", "numpy", "pydantic"])
+def test_an_interrupt_during_an_import_ends_at_once(
+    tmp_path: Path, module: str, number: int
+) -> None:
+    (tmp_path / f"{module}.py").write_text(SLOW.format(seconds=600))
+    words = ("run", "--lockstep", "--out", tmp_path / "log")
+    with Command(*words, environment=on_path(tmp_path)) as run:
+        run.hear("importing")
+        run.send(number)
+        assert run.end() == -number
+    assert run.stderr == "importing\n"
+    assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_start_leaves_no_folder(tmp_path: Path, number: int) -> None:
+    law = "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller as Law\n"
+    (tmp_path / "slow_law.py").write_text(SLOW.format(seconds=1) + law)
+    (tmp_path / "law.yaml").write_text("controller: slow_law:Law\n")
+    words = ("run", "--controller", tmp_path / "law.yaml", "--out", tmp_path / "new" / "log")
+    with Command(*words) as run:
+        run.hear("importing", 2)  # by this process, and by the controller's
+        run.send(number)
+        assert run.end() == 1
+    assert_no_traceback(run)
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_is_removed_only_if_it_was_made_and_is_empty(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    code = f"""
+from pathlib import Path
+from hoap3.tools.show.result_folder import remove_if_empty
+for name in ("old", "new/empty", "new/full"):
+    folder = Path({str(tmp_path)!r}, name)
+    remove_if_empty(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+(folder / "file").touch()
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ), cwd=HOUSE)
+    found = sorted(str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*"))
+    assert found == ["new", "new/full", "new/full/file", "old"]
+
+
+def test_after_a_safe_stop_the_next_steps_are_offered(capsys: pytest.CaptureFixture[str]) -> None:
+    show_next({"log": None, "safe_stops": 1}, "arm")
+    offered = capsys.readouterr().err
+    assert all(word in offered for word in ("hoap3 recover arm", "hoap3 doctor", "--lockstep"))
+    show_next({"log": "logs/a", "safe_stops": 0}, "arm")
+    assert "recover" not in capsys.readouterr().err
+
+
+def test_no_line_ends_with_blanks_where_nobody_watches() -> None:
+    done = inside(*LOCKSTEP, *NOT_RECORDED)
+    assert done.stdout
+    assert [line for line in done.stdout.splitlines() if line != line.rstrip()] == []
+
+
+def test_every_command_is_in_one_group_of_the_help() -> None:
+    shown = [name for name, each in command_line().commands.items() if not each.hidden]
+    grouped = [name for names in GROUPS.values() for name in names]
+    assert sorted(grouped) == sorted(shown)
+    text = inside("--help").stdout
+    assert [text.index(f"\n{title}:") for title in GROUPS] == sorted(
+        text.index(f"\n{title}:") for title in GROUPS
+    )
+    assert all(f"\n  {name} " in text for name in grouped)
+
+
+def messages() -> list[tuple[Path, str]]:
+    """All text of the product that is no docstring, and its pages' scripts."""
+    found = []
+    for room in ("protocol", "robot_emulator", "remote_controller", "tools"):
+        for path in (HOUSE / room).rglob("*.py"):
+            tree = ast.parse(path.read_text())
+            described = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+            found += [
+                (path, node.value)
+                for node in ast.walk(tree)
+                if isinstance(node, ast.Constant)
+                and isinstance(node.value, str)
+                and id(node) not in described
+            ]
+    static = HOUSE / "tools" / "view" / "static"
+    return found + [(path, path.read_text()) for path in static.glob("*.js")]
+
+
+def test_messages_name_topics_that_the_command_prints() -> None:
+    texts = messages()
+    assert [(path, text) for path, text in texts if re.search(r"docs/\w+\.md", text)] == []
+    topics = {topic for _, text in texts for topic in re.findall(r"hoap3 help (\w+)", text)}
+    assert {"security", "priorities"} < topics
+    listed = inside("help").stdout.split()
+    assert topics <= set(listed)
+    for topic in topics:
+        assert inside("help", topic).stdout.startswith("# ")
+    assert inside("help", "nothing").code == 2
+
+
+def test_bad_connections_are_one_line_in_a_while(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    logger = output.bad_connections("page")
+    for _ in range(900):
+        try:
+            raise ValueError("garbage")
+        except ValueError:
+            logger.exception("refused")
+    logger.info("not bad")
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "garbage" in told
+    assert "Traceback" not in told
+    now[0] = output.QUIET_S
+    logger.warning("again")
+    assert "901" in capsys.readouterr().err
