@@ -60,7 +60,7 @@ def load(
         return _imported(name_or_path, tip, lock_joints)
     for option, value in (("--tip", tip), ("--lock-joint", (*lock_joints, None)[0])):
         if value is not None:
-            remedy = "Write default_task into its robot.yaml, or import its URDF with this option"
+            remedy = "Import its URDF with this option, or edit its robot.yaml"
             raise ConfigError(option, "", value, f"is for URDF files, not {name_or_path}", remedy)
     if isinstance(name_or_path, str):
         if name_or_path in _shipped():

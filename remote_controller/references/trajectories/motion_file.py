@@ -73,7 +73,7 @@ def read_text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"is not UTF-8: {error}"
-        remedy = "Save it as UTF-8, or name a log *.mcap"
+        remedy = "Save it as CSV in UTF-8, or name a log *.mcap"
         raise ConfigError(file, "", None, problem, remedy) from error
 
 

@@ -95,12 +95,8 @@ def _gripper_joints(structure: UrdfStructure) -> set[str]:
 
 def _arm(joints: tuple[str, ...], grips: set[str]) -> tuple[str, ...]:
     """Return the joints of a chain without those of a gripper at its end, if an arm is left."""
-    left = joints
-    while SHARE_OF_ARM * len(left) > len(joints):
-        if left[-1] not in grips:
-            return left
-        left = left[:-1]
-    return joints
+    arm = max((i for i, name in enumerate(joints, 1) if name not in grips), default=0)
+    return joints[:arm] if SHARE_OF_ARM * arm > len(joints) else joints
 
 
 def default_task(robot: RobotDescription, tip: str | None = None) -> DefaultTask | None:

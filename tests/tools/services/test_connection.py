@@ -18,7 +18,8 @@ import hoap3
 from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireError
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
-from hoap3.protocol.messages import Event, Target
+from hoap3.protocol.messages import Event, State, Target
+from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.tools.services import client, find_robot
 from hoap3.tools.services.connection import Connection
 
@@ -299,3 +300,76 @@ def test_a_controller_that_answers_nonsense_is_no_operators(
     network.more = {}
     robot.acquire()
     robot.send_target([0.0, 0.0, 0.0])
+
+
+LIMITED = {
+    "name": "hand",
+    "dimension": 7,
+    "rates": 6,
+    "layout": ["x", "y", "z", "qx", "qy", "qz", "qw"],
+    "lower": [-1.0, None, 0.0],
+    "upper": [1.0, None, None],
+    "at_rest": False,
+}
+TURN = [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("place", "word"),
+    [([1.5, 0, 0], "x is 1.5: send -1 to 1"), ([0, 9, -1], "z is -1: send 0 to inf")],
+)
+def test_a_target_outside_its_limits_is_not_sent(place, word, robot, network) -> None:
+    network.more = {"targets": [LIMITED]}
+    robot.acquire()
+    robot.send_target([0, 1e6, 1, *TURN])
+    with pytest.raises(BadProblemError, match=word):
+        robot.send_target([*place, *TURN])
+    with pytest.raises(BadProblemError, match=word):
+        robot.send_chunk([[0, 0, 1, *TURN], [*place, *TURN]], 5, 10)
+    assert len(network.sent) == 1
+    robot.checks_limits = False
+    robot.send_target([*place, *TURN])
+    assert len(network.sent) == 2
+
+
+@pytest.mark.parametrize(
+    ("at_rest", "within", "judged", "newest", "reached"),
+    [
+        (True, True, True, 1, True),
+        (False, True, True, 1, False),
+        (True, False, True, 1, False),
+        (True, False, False, 1, True),
+        (True, True, True, 0, False),
+    ],
+)
+def test_a_target_is_reached_at_rest_and_within_tolerance(
+    at_rest, within, judged, newest, reached, robot, network
+) -> None:
+    target = {**LIMITED, "at_rest": at_rest}
+    tasks = [{"within": within, "judged": judged}]
+    network.more = {"targets": [target], "tasks": tasks, "newest": newest}
+    robot.acquire()
+    robot.send_target([0, 0, 1, *TURN])
+    assert robot.wait_until_reached(0.0) is reached
+
+
+def test_a_refused_target_is_not_waited_for(robot, network) -> None:
+    network.more = {"targets": [LIMITED], "tasks": [], "newest": 1}
+    robot.acquire()
+    robot.send_target([0, 0, 1, *TURN])
+    network.more["refused"] = {"too_fast": 1}
+    with pytest.raises(UsageError, match="too_fast: 1"):
+        robot.wait_until_reached(5.0)
+    assert not robot.wait_until_reached(0.0)  # it is raised once
+
+
+def test_the_pose_of_a_frame_is_that_of_the_joints(robot) -> None:
+    description = arm()
+    state = State.allocate(**description.state_lengths)
+    state.q[:] = np.linspace(0.1, 0.4, description.n)
+    model = build_model(description)
+    frame = description.frames[-1]
+    found = robot.frame_pose(frame, state=state)
+    expected = model.pose_in(frame, description.base_frame, state.q)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_allclose(robot.frame_pose(frame, frame, state), [0, 0, 0, *TURN], atol=1e-12)

