@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 
@@ -90,10 +90,10 @@ class StableQpController(VelocityController):
     ) -> None:
         from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import rate_kernel
 
-        task = parameters.task
-        self._default = None if task is not None else default_goal(description, "task")
-        if self._default is not None:
-            task = self._default.settings
+        self._default = None if parameters.task else default_goal(description, "task")
+        task = (
+            self._default.settings if self._default else cast(tasks.TaskSettings, parameters.task)
+        )
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.function = tasks.build(task, description, self.kinematics, file, "parameters.task")

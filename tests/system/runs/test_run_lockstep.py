@@ -32,8 +32,8 @@ DURATION, SEED = 1.5, 7  # with few joints, γ matters only where a second one s
 
 
 def lockstep(folder: Path, *arguments: str) -> Done:
-    words = ("run", "--lockstep", "--duration", str(DURATION), "--json", "--out", folder)
-    command = inside(*words, *arguments)
+    words = ("run", "--lockstep", "--controller", "qp12", "--duration", str(DURATION), "--json")
+    command = inside(*words, "--out", folder, *arguments)
     assert_ran(command)
     return command
 
@@ -99,8 +99,8 @@ def test_a_config_that_names_an_unknown_robot_is_told(tmp_path: Path) -> None:
 
 
 def test_two_runs_give_the_same_bytes(first: Done, folder: Path, tmp_path: Path) -> None:
-    words = ("run", "--lockstep", "--duration", DURATION, "--json", "--seed", SEED)
-    second = hoap3(*words, "--out", tmp_path / "second")  # in another process, too
+    words = ("run", "--lockstep", "--controller", "qp12", "--duration", DURATION, "--json")
+    second = hoap3(*words, "--seed", SEED, "--out", tmp_path / "second")  # in another process, too
     assert second.end() == 1, second.stderr  # too short to arrive
     hashes = first.json()["payload_sha256"]
     assert hashes == second.json()["payload_sha256"]

@@ -14,7 +14,7 @@ from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
 GOOD = {"deadlines": "pass", "task": "pass", "limits_and_balance": "pass"}
-FAR = ("--set", "controller.parameters.target_m=[9,9,9]")
+FAR = ("--controller", "qp12", "--set", "controller.parameters.target_m=[9,9,9]")
 
 
 def test_a_default_run_passes_all_three(tmp_path: Path) -> None:

@@ -47,7 +47,8 @@ PAIRS = [
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("story") / "qp12"
-    inside("run", "--lockstep", "--duration", "0.5", "--out", folder)
+    words = ("run", "--lockstep", "--controller", "qp12", "--duration", "0.5")
+    inside(*words, "--out", folder)
     return folder
 
 

@@ -60,6 +60,24 @@ STOPS = "{constraint: viability, parameters: {limit_rad_s2: 5}}"
 LEANS = "{constraint: support_polygon, parameters: {margin_m: 0.005}}"
 
 
+BOUNDED = """
+controller: stable_qp
+robot: hoap3
+parameters:
+  task:
+    task: com
+    parameters:
+      frame: r_sole
+      target: {kind: point, position_m: [0.01, 0.025, 0.2869]}
+  objective: {kind: qp12, gamma: 0.5}
+  psi: {form: max_norm, u_max_rad_s: 0.6, beta: 46.0}
+  constraints:
+    - constraint: joint_velocity
+      parameters: {limit_rad_s: 0.6}
+    - constraint: joint_position
+"""
+
+
 def run_of(folder: Path, *settings_: str, controller: str = "stable_qp", s: str = "0.2") -> Path:
     sets = [word for one in settings_ for word in ("--set", PARAMETERS + one)]
     given = "--controller", controller, "--duration", s, "--out", folder
@@ -69,12 +87,20 @@ def run_of(folder: Path, *settings_: str, controller: str = "stable_qp", s: str 
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_of(tmp_path_factory.mktemp("story") / "run", controller="qp12_bounded")
+    folder = tmp_path_factory.mktemp("story")
+    (folder / "bounded.yaml").write_text(BOUNDED, encoding="utf-8")
+    return run_of(folder / "run", controller=str(folder / "bounded.yaml"))
 
 
 def test_the_log_of_bounded_qp12_is_true(story: Path) -> None:
     found = verify(story)
 
+    assert found.claims.by_tick() == []
+    assert found.verdict == "true"
+
+
+def test_the_log_of_the_default_config_is_true(tmp_path: Path) -> None:
+    found = verify(run_of(tmp_path / "run", controller="qp12_bounded", s="1.0"))
     assert found.claims.by_tick() == []
     assert found.verdict == "true"
 
