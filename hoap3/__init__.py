@@ -109,6 +109,10 @@ _LAZY = {
 def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in {"Environment", "simulate"}:
+        from hoap3.tools.machine.processes import check_memory
+
+        check_memory()
     module, _, attribute = _LAZY[name].partition(":")
     found: Any = importlib.import_module(module)
     if attribute:

@@ -24,7 +24,12 @@ def remove_if_empty(folder: Path) -> None:
     """At the end of this process remove what is made for a folder, if nothing is in it."""
     for each in (*reversed(folder.parents), folder):
         if not each.exists():
-            atexit.register(lambda at=each: at.is_dir() and not any(at.iterdir()) and at.rmdir())
+            atexit.register(_remove, each)
+
+
+def _remove(folder: Path) -> None:
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def make_folder(folder: Path, result: str) -> None:

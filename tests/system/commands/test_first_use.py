@@ -155,6 +155,19 @@ def test_too_little_memory_is_said_before_anything_is_imported(
 
 
 @pytest.mark.slow
+def test_too_little_memory_is_an_error_in_python_too() -> None:
+    code = (
+        "import hoap3\n"
+        "try:\n    hoap3.simulate()\n"
+        "except hoap3.UsageError as error:\n    print(error)"
+    )
+    command = ["prlimit", f"--as={500 << 20}", sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=HOUSE)
+    assert "500 MB" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("module", ["numba", "numpy", "pydantic"])
 def test_an_interrupt_during_an_import_ends_at_once(
@@ -224,6 +237,16 @@ def test_every_command_is_in_one_group_of_the_help() -> None:
         text.index(f"\n{title}:") for title in GROUPS
     )
     assert all(f"\n  {name} " in text for name in grouped)
+
+
+@pytest.mark.parametrize("value", ["abc", "nan", "-1", "0"])
+@pytest.mark.parametrize("option", ["run --lockstep --duration", "controller qp12 --duration"])
+def test_a_wrong_option_is_named_without_texts_of_pydantic(option: str, value: str) -> None:
+    done = inside(*option.split(), value)
+    assert done.code == 2
+    assert "'--duration': should be" in done.stderr
+    assert "Input" not in done.stderr
+    assert "unable" not in done.stderr
 
 
 def messages() -> list[tuple[Path, str]]:

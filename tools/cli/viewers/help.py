@@ -28,6 +28,14 @@ NEEDED_MB = dict.fromkeys(LIGHT, 160) | dict.fromkeys(("emulator", "controller")
 class GroupedCommands(TyperGroup):
     """The commands in the order of `GROUPS`."""
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; what is wrong with an option is said without pydantic's terms."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Input ").partition(", unable")[0]
+            raise
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
         """Write a section for each group."""
         width = formatter.width - 16
