@@ -37,7 +37,7 @@ MAX_PARTS = 32  # of a dotted key
 SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
 XML_FORMATS = {
     "robot": ("is a URDF", "Name it where a robot is expected, and call it *.urdf"),
-    "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco has plant.parameters.mjcf"),
+    "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco takes plant.parameters.mjcf"),
     "sdf": ("is SDF, not URDF", "Convert it, or name the vendor's URDF of this robot"),
     "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
 }
