@@ -39,8 +39,8 @@ MAX_PARTS = 32  # of a dotted key
 SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
 _ASSIGNED = re.compile(r'((?:"[^"]*"|[^"=])+)=')
 XML_FORMATS = {
-    "robot": ("is a URDF", "Name it where a robot is expected, and call it *.urdf"),
-    "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco has plant.parameters.mjcf"),
+    "robot": ("is a URDF, not a config", "Name it as a robot, *.urdf: `hoap3 help new_robot`"),
+    "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco takes plant.parameters.mjcf"),
     "sdf": ("is SDF, not URDF", "Convert it, or name the vendor's URDF of this robot"),
     "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
 }

@@ -311,8 +311,8 @@ def _range(
 def _what_is_wrong(lower: float, upper: float, kind: str) -> str | None:
     """Why no joint could keep such limits, and what would do; None of both 0, as of others."""
     if lower > upper:
-        found = f"are reversed, lower {lower:g} and upper {upper:g}"
-        return f"{found}, which means no limit to Bullet. Correct them, or make it continuous."
+        remedy = "Correct them" + (", or make it continuous." if kind == "revolute" else ", in m.")
+        return f"are reversed, lower {lower:g} and upper {upper:g}: no limit to Bullet. {remedy}"
     if lower == upper != 0.0:  # of a follower: others are locked
         return f"leave it no range, both are {lower:g}. Widen them, or make it fixed."
     if kind == "revolute" and (lower >= ENDLESS or upper <= -ENDLESS):

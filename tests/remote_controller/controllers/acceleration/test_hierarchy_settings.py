@@ -51,7 +51,7 @@ WRONG = [
     ([hand(), hand()], "parameters.tasks.1.name", "two tasks"),
     ([hand(reference="elbwo")], "parameters.tasks.0.parameters.reference", "elbow"),
     ([press(reference="link_2")], "parameters.tasks.0.parameters.reference", "joints move it"),
-    ([hand("a b")], "parameters.tasks.0", "pattern"),
+    ([hand("a b")], "parameters.tasks.0.name", "a b"),
     ([{**hand(), "task": "frame_positon"}], "frame_positon", "Did you mean 'frame_position'"),
     ([{**hand(), "kp": 0.0}], "parameters.tasks.0.kp", "0.0"),
     ([], "parameters.tasks", "one task or more"),

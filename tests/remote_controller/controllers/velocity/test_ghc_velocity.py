@@ -331,7 +331,7 @@ BAD = [
     ({"tasks": [COM, COM]}, "parameters.tasks.1.name", "two tasks have this name"),
     ({"tasks": [{**COM, "task": "comm"}]}, "parameters.tasks.0.task", "comm"),
     ({"tasks": [{**COM, "gain_per_s": 0.0}]}, "parameters.tasks.0.gain_per_s", "greater than 0"),
-    ({"tasks": [{**COM, "name": "The CoM"}]}, "parameters.tasks.0.name", "match pattern"),
+    ({"tasks": [{**COM, "name": "The CoM"}]}, "parameters.tasks.0.name", "The CoM"),
     ({"tasks": [{**FOOT, "parameters": {}}]}, "parameters.tasks.0.parameters.frame", "missing"),
     ({"priorities": {"order": ["com"]}}, "parameters.priorities.order", "leaves out foot"),
     ({"priorities": {"matrix": [[0.0]]}}, "parameters.priorities.matrix", "for 2 tasks"),
