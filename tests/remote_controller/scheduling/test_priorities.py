@@ -15,7 +15,7 @@ from hoap3.remote_controller.scheduling.priorities import Priorities
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
 
 ABC = ("a", "b", "c")
-unit = st.floats(0.0, 1.0)
+unit = st.floats(0.0, 1.0).filter(lambda share: share == 0.0 or share > 1e-30)
 
 
 def priorities(content=None, names=ABC):
