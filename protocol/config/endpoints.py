@@ -14,7 +14,7 @@ LARGEST_PORT = 65_535
 
 _PORT = re.compile(r"(?:tcp|udp|tls|quic|ws)/[^?#]*:([0-9]+)(?:[?#].*)?")
 _ADDRESS = re.compile(r"[\w.\[\]:-]+:[0-9]{1,5}")
-_LINK_LOCAL = re.compile(r"\bfe[89ab][0-9a-f]:[0-9a-f:]*(?![0-9a-f:%])", re.IGNORECASE)
+_LINK_LOCAL = re.compile(r"(?:^|(?<=\[))fe[89ab][0-9a-f]:[0-9a-f:]*(?![0-9a-f:%])", re.IGNORECASE)
 _ZONE = re.compile(r"([a-z]+/\[[^\]%]+)%([^\]]+)(\]:[0-9]+)")
 _EXAMPLE = "127.0.0.1:7447"
 _HOST = re.compile(r"(?:tcp|udp|tls|quic|ws)/(?P<host>[^?#]*):[0-9]+(?:[?#].*)?")

@@ -20,6 +20,7 @@ SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
 """Greatest speed where none is given [rad/s, m/s]: slow enough to be safe to watch."""
 UNIT = {"revolute": "rad/s", "continuous": "rad/s", "prismatic": "m/s"}
 RATES = ("acceleration", "deceleration", "jerk")  # of <limit>, since URDF 1.2
+HARD = ("hard_lower", "hard_upper")  # of <limit>, after soft limits have taken their place
 ENDLESS = 1e4  # rad; exporters write such limits for joints that turn without end
 WELDED = {"floating", "planar", "spherical", "ball"}
 ROOM = 1e-6  # rad or m between its limits: a joint with less cannot move
@@ -243,7 +244,7 @@ def _moving(
     rates = {key: given[key] for key in RATES if key in given}
     limits = bounds | {"velocity": repr(velocity), "effort": repr(effort)} | rates
     ET.SubElement(new, "limit", limits)
-    hard = [float(given[key]) for key in ("hard_lower", "hard_upper") if key in given]
+    hard = [float(given[key]) for key in HARD if key in given]
     copy_attributes(element.find("dynamics"), new, ("damping", "friction"))
     follows = None
     if mimic is not None:

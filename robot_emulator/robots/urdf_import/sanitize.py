@@ -13,6 +13,7 @@ from hoap3.protocol.urdf import UrdfStructure, read_urdf
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
 from hoap3.robot_emulator.robots.urdf_import.joints import (
     ENDLESS,
+    HARD,
     RATES,
     SPEED,
     ReadJoint,
@@ -163,6 +164,8 @@ def _normalize(robot: ET.Element, notes: Notes) -> None:
                 notes.lengths(words.split(), f"{part.tag} {part.get('name')}")
         limit = part.find("limit")
         if part.tag == "joint" and limit is not None:
+            for key in HARD:  # of a vendor, who means something else by it
+                limit.attrib.pop(key, None)
             _normalize_limits(part, limit, where, notes)
 
 
@@ -209,5 +212,5 @@ def _normalize_limits(joint: ET.Element, limit: ET.Element, where: str, notes: N
         notes.add("left out", "soft limits that leave no range, or of joints without stops", name)
         return
     notes.add("read", f"soft limits of <{SOFT}> are the usable range, and <limit> the stops", name)
-    for key, end, stop in zip(("lower", "upper"), (lower, upper), hard, strict=True):
-        limit.attrib |= {key: repr(end), f"hard_{key}": repr(stop)}
+    limit.attrib |= {"lower": repr(lower), "upper": repr(upper)}
+    limit.attrib |= dict(zip(HARD, map(repr, hard), strict=True))

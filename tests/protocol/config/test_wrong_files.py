@@ -144,6 +144,8 @@ def test_a_posture_of_a_controller_is_given_as_joint_values(model: Any, key: str
         ("udp/[FEBF::2%2]:80", "udp/[FEBF::2]:80#iface=2"),
         ("tcp/[fec0::1]:7447", "tcp/[fec0::1]:7447"),
         ("tcp/fe80host:7447", "tcp/fe80host:7447"),
+        ("tcp/host-fe90:7447", "tcp/host-fe90:7447"),
+        ("tcp/feb1:7447", "tcp/feb1:7447"),
     ],
 )
 def test_a_link_local_address_names_its_interface(given: str, meant: str) -> None:

@@ -122,6 +122,16 @@ def test_the_braking_of_franka_is_used_and_its_offset_counted(tmp_path):
 SOFT = '<safety_controller soft_lower_limit="-0.5" soft_upper_limit="0.5" k_velocity="10"/>'
 
 
+@pytest.mark.parametrize(
+    "given", ['hard_lower="-9" hard_upper="9"', 'hard_upper="9"', 'hard_lower="abc"']
+)
+def test_a_vendors_attribute_does_not_become_a_stop(tmp_path, given):
+    joints = JOINTS.replace(LIMIT, LIMIT.replace("/>", f" {given}/>"))
+    robot, plain = imported(tmp_path / "a", urdf(joints=joints)), imported(tmp_path / "b", urdf())
+    assert robot.description.joints == plain.description.joints
+    assert "hard_" in said(robot)
+
+
 def test_soft_limits_are_the_usable_range_between_the_stops(tmp_path):
     robot = imported(tmp_path, elbow_with(LIMIT + SOFT))
     for each in (robot.description, load(write_folder(robot, tmp_path / "made")[0])):
