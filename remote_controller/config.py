@@ -97,7 +97,9 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
         content = load_yaml(path)
         robot = content.get("robot")
         if isinstance(robot, str) and ("/" in robot or "." in robot):
-            content["robot"] = place = str((path.parent / robot).resolve())
+            given, *arguments = re.split(r"(\s+\w+:=)", robot, maxsplit=1)  # of xacro
+            place = str((path.parent / given).resolve())
+            content["robot"] = "".join((place, *arguments))
             if not os.path.exists(place):
                 remedy = "Name a robot, its folder, YAML file or URDF; paths count from the config"
                 raise ConfigError(str(path), "robot", place, "no such file or folder", remedy)

@@ -181,6 +181,7 @@ class Service:
         self._told: set[str] = set()  # since it last followed the robot
         self.loop: ControllerLoop | None = None
         self.unusable = self.sessions = 0
+        self._followed_before_s = 0.0  # with loops of earlier sessions
 
     def run(self, duration: float | None = None) -> None:
         """Answer the robot until told to stop; authority is given back at an orderly end.
@@ -214,9 +215,14 @@ class Service:
             self._report(f"{self.unusable} answers of robot {self._config.robot!r} were unusable")
 
     def _followed_s(self) -> float:
-        """How long the newest session of the robot has been followed [s of its time]."""
+        """How long robots have been followed, in all sessions [s of their time]."""
         loop, controller = self.loop, self._controller
-        return loop.steps * controller.description.period_s if loop and controller else 0.0
+        newest = loop.steps * controller.description.period_s if loop and controller else 0.0
+        return self._followed_before_s + newest
+
+    def _begin_session(self) -> None:
+        """Count what the loop of the last session has followed, and forget that loop."""
+        self._followed_before_s, self.loop = self._followed_s(), None
 
     def _wake(self) -> None:
         """Have whatever waits look whether it shall stop; from any thread."""
@@ -344,6 +350,7 @@ class Service:
         if raw is None:
             return False
         status = parse_answer(Status, raw, f"robot {link.robot!r} answers 'status'")
+        self._begin_session()
         if self._controller is None or description.digest != self._digest:
             self._controller = build(self._config, description, self._file)
             self._digest, self._outcome = description.digest, None

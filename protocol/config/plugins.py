@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
+from hoap3.protocol.config.dotted_keys import join_key
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.config.user_code import before_import
 from hoap3.protocol.description import RobotDescription
@@ -149,7 +150,8 @@ def building(
         with located(file, below):
             yield
     except FrameNotFoundError as error:
-        where = ".".join([below, *_path_to(error.frame, given.model_dump())])
+        path = join_key(_path_to(error.frame, given.model_dump()))
+        where = ".".join(filter(None, (below, path)))
         problem = f"robot {robot.name!r} has no such frame"
         remedy = f"Its frames: {', '.join(error.known)}"
         raise ConfigError(file, where, error.frame, problem, remedy) from error

@@ -83,8 +83,8 @@ class Settings(BaseModel):
         """Refuse what is not UTF-8, and numbers with which kernels overflow or never end."""
         if isinstance(value, str) and not value.isascii() and _SURROGATE.search(value):
             raise PydanticCustomError("utf8", "is not UTF-8", {"remedy": "Rename what is named so"})
-        if isinstance(value, tuple | list):
-            for each in value:
+        if isinstance(value, tuple | list | Mapping):
+            for each in value.values() if isinstance(value, Mapping) else value:
                 cls._check_value(each)
         size = abs(value) if isinstance(value, int | float) else 0
         if size > (HUGE if isinstance(value, float) else 2**63) or 0 < size < TINY:

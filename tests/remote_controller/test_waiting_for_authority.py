@@ -52,3 +52,17 @@ def test_waiting_for_authority_is_reported_once(
     assert waits == said
     assert len(waits) == min(refusals, 1)
     assert all("no_token" in text for text in waits)
+
+
+def test_a_duration_counts_all_sessions() -> None:
+    from types import SimpleNamespace
+
+    from hoap3.robot_emulator.robots import load
+
+    service = Service(ControllerConfig(controller="qp12"), None, print, lambda: False)  # type: ignore[arg-type]
+    service._controller = SimpleNamespace(description=load("hoap3"))  # type: ignore[assignment]
+    service.loop = SimpleNamespace(steps=300)  # type: ignore[assignment]
+    assert service._followed_s() == pytest.approx(0.3)
+    service._begin_session()
+    service.loop = SimpleNamespace(steps=200)  # type: ignore[assignment]
+    assert service._followed_s() == pytest.approx(0.5)

@@ -67,6 +67,7 @@ from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
 _show_by_python = warnings.showwarning
+_notes: set[str] = set()
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
@@ -151,7 +152,7 @@ def run(
         print_json(summary)
     else:
         show_summary(summary)
-        show_next(summary, Path(emulator.robot).name)
+        show_next(summary)
     bad = failed(summary["verdicts"]) or summary["log_lost"] or summary["metrics_lost"]
     raise typer.Exit(1 if bad else 0)
 
@@ -521,9 +522,11 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """In one line where a config is to be mended; as Python does, with the place, elsewhere."""
+    """Print a warning about a robot or a config in one line, and others as Python does."""
     if issubclass(category, UrdfWarning):
-        to_people(f"note: {message}")
+        if str(message) not in _notes:  # a robot may be read more than once
+            _notes.add(str(message))
+            to_people(f"note: {message}")
     elif issubclass(category, LimitWarning):
         to_people(f"warning: {message}")
     else:

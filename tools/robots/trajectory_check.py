@@ -30,6 +30,7 @@ from hoap3.tools.robots.trajectory_limits import limits_exceeded
 from hoap3.tools.services.services import emulator_config
 
 RADIANS = "positions are read in rad (prismatic joints: m): multiply degrees by pi/180 = 0.0174533"
+FAR_BEYOND = 4.0  # limits: perhaps degrees
 LONG_STEP_S = 5.0  # between rows: perhaps milliseconds
 
 
@@ -82,7 +83,11 @@ def look(
     if not path.times_s[1]:
         later = look(file, robot, degree, scaling, 1.0)
         found["fits_with_approach_s"] = later["fits_with_approach_s"]
-    if found["exceeded"]:
+    if any(
+        each["what"] in {"position", "velocity"}
+        and abs(each["value"]) > FAR_BEYOND * abs(each["limit"])
+        for each in found["exceeded"]
+    ):
         found["hints"].append(RADIANS)
     return found
 

@@ -25,6 +25,8 @@ from hoap3.tools.services.client import (
 Answer = dict[str, Any]
 REMEDY = "Start it (`hoap3 emulator`), or give its endpoint: --connect, in Python `endpoint=`"
 
+STARTING = "; one that was just started answers as soon as its kernels are compiled"
+
 
 def ask_robots(
     robot: str | None, verb: str, endpoint: str | None
@@ -189,7 +191,7 @@ def _refuse_several(found: list[LocalRobot]) -> None:
 def _none_here(robot: str | None, remedy: str) -> LinkError:
     name = f" called {robot!r}" if robot else ""
     notes = "".join(f"; {note}" for note in (others_here(robot or ""), no_directory()) if note)
-    return LinkError(f"no robot{name} of this user runs on this machine{remedy}{notes}")
+    return LinkError(f"no robot{name} of this user runs on this machine{remedy}{notes}{STARTING}")
 
 
 def only_alive(endpoint: str) -> str:
@@ -201,7 +203,7 @@ def only_alive(endpoint: str) -> str:
     """
     names = sorted({str(each["robot"]) for each in alive(endpoint)})
     if not names:
-        raise LinkError(f"no robot is alive at {endpoint}")
+        raise LinkError(f"no robot is alive at {endpoint}{STARTING}")
     if len(names) > 1:
         raise UsageError(f"{len(names)} robots are alive: {', '.join(names)}. Name one")
     return names[0]

@@ -144,7 +144,7 @@ def show_summary(summary: dict[str, Any]) -> None:
         lockstep = summary["lockstep"]
         table.add_row(
             "lockstep",
-            f"{lockstep['wall_s']:.2f} s, {lockstep['times_real_time']:.0f} times real time",
+            f"{lockstep['wall_s']:.2f} s, {_plain(lockstep['times_real_time'])} times real time",
         )
     if summary.get("interrupted"):
         table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
@@ -178,13 +178,13 @@ def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
         table.add_row("in time", late)
 
 
-def show_next(summary: dict[str, Any], robot: str) -> None:
+def show_next(summary: dict[str, Any]) -> None:
     """Print what can be done after a run: after a safe stop, and with its log."""
     log, lead = summary["log"], "next:"
     if summary.get("safe_stops"):
         print_note("next:  hoap3 run --lockstep    in virtual time, where each answer is in time")
         print_note("       hoap3 doctor            what this machine lacks for real time")
-        print_note(f"       hoap3 recover {robot}    let a robot that still runs move again")
+        print_note("       hoap3 recover NAME      for a robot that runs as a service: move again")
         lead = "     "
     if log is None:
         return
@@ -232,6 +232,10 @@ def machine_line(found: dict[str, Any]) -> str:
 
 def _kinds(counts: dict[str, int]) -> str:
     return f" ({', '.join(f'{name} {n}' for name, n in counts.items())})" if counts else ""
+
+
+def _plain(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def known(value: float | None, form: str) -> str:

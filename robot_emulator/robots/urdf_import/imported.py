@@ -4,7 +4,7 @@
 no velocity, or 0     1 rad/s, or 0.1 m/s: slow enough to stand beside
 its accelerations     that speed within 0.2 s, for setpoints and for braking
 no acceleration       250/s times the velocity, and 10/s times it for braking
-no limits, or 0 0     a revolute joint turns without end; a prismatic one is refused
+no limits, or 0 0     a revolute joint turns without end; a prismatic one is locked
 no effort, or 0       none: the robot takes no torques
 no inertia            only positions are commanded, where nothing that moves has one
 start posture         `zero`: each joint at 0, or at the limit nearest to it
@@ -114,7 +114,8 @@ def _entry(joint: ReadJoint, notes: Notes) -> JointEntry:
         given |= zip(("lower_hard", "upper_hard"), joint.stops, strict=True)
     if "acceleration" in joint.rates:
         return JointEntry(**given)
-    text = f"accelerations of {SETPOINT_RATE:g}/s times the velocity, {BRAKE_RATE:g}/s to brake"
+    brakes = "" if "deceleration" in joint.rates else f", {BRAKE_RATE:g}/s to brake"
+    text = f"accelerations of {SETPOINT_RATE:g}/s times the velocity{brakes}"
     if "velocity" in joint.guessed:
         text = f"accelerations that reach that velocity within {RISE_S:g} s, and brake as fast"
         given["setpoint_acceleration_max"] = joint.velocity / RISE_S

@@ -14,7 +14,7 @@ from hoap3.protocol.robot.pinocchio_model import moved_origin
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, written
 from hoap3.robot_emulator.robots.urdf_import.followers import AGAINST_MASTER, relax_followers
 from hoap3.robot_emulator.robots.urdf_import.names import joint_names
-from hoap3.robot_emulator.robots.urdf_import.notes import About, Notes
+from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
 SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
 """Greatest speed where none is given [rad/s, m/s]: slow enough to be safe to watch."""
@@ -24,8 +24,10 @@ HARD = ("hard_lower", "hard_upper")  # of <limit>, after soft limits have taken 
 ENDLESS = 1e4  # rad; exporters write such limits for joints that turn without end
 WELDED = {"floating", "planar", "spherical", "ball"}
 ROOM = 1e-6  # rad or m between its limits: a joint with less cannot move
-NO_ROOM: tuple[About, str] = ("left out", "locked, because their limits leave them no room")
-ASKED: tuple[About, str] = ("read", "locked, as asked")
+NO_ROOM = "locked, because lower and upper of their <limit> are equal"
+NO_RANGE = "locked, because a prismatic joint needs lower and upper of <limit>, in m"
+CONSTANT = "locked, because their <mimic> has a multiplier of 0"
+ASKED = "locked, as asked"
 AFTER_OTHERS = "fixed, because they follow a fixed joint"
 
 
@@ -120,9 +122,21 @@ def _locked(
                 remedy = f"Write {lower:g} to {upper:g}"
                 raise ConfigError("--lock-joint", name, at, "is beyond its limits", remedy)
             found[name] = at
-            about, text = ASKED if name in asked else NO_ROOM
-            notes.add(about, text, f"{name} at {at:g}")
+            follows = element.find("mimic") is not None
+            if name in asked:
+                text = ASKED + (", and following no other joint any more" if follows else "")
+            elif follows:
+                text = CONSTANT
+            else:
+                has_range = any(_given(element, key) for key in ("lower", "upper"))
+                text = NO_ROOM if has_range else NO_RANGE
+            notes.add("read" if name in asked else "left out", text, f"{name} at {at:g}")
     return found
+
+
+def _given(joint: ET.Element, key: str) -> bool:
+    limit = joint.find("limit")
+    return limit is not None and key in limit.attrib
 
 
 def _room(joint: ET.Element) -> tuple[float, float]:

@@ -162,8 +162,12 @@ def _normalize(robot: ET.Element, notes: Notes) -> None:
             if element.tag != "axis":
                 words = " ".join(element.get(key, "") for key in LENGTHS)
                 notes.lengths(words.split(), f"{part.tag} {part.get('name')}")
+        if part.tag != "joint" or part.get("type") == "fixed":
+            continue
         limit = part.find("limit")
-        if part.tag == "joint" and limit is not None:
+        if limit is None and (part.find(SOFT) is not None or part.find(BRAKING) is not None):
+            limit = ET.SubElement(part, "limit")
+        if limit is not None:
             for key in HARD:  # of a vendor, who means something else by it
                 limit.attrib.pop(key, None)
             _normalize_limits(part, limit, where, notes)
@@ -206,11 +210,18 @@ def _normalize_limits(joint: ET.Element, limit: ET.Element, where: str, notes: N
     soft = [figure(joint.find(SOFT), f"soft_{key}_limit", where) for key in ("lower", "upper")]
     if soft == [None, None]:
         return
+    lower, upper = (value or 0.0 for value in soft)  # one that is missing is 0, as in <limit>
     hard = [figure(limit, key, where) or 0.0 for key in ("lower", "upper")]
-    lower, upper = max(soft[0] or 0.0, hard[0]), min(soft[1] or 0.0, hard[1])
+    if any(hard):
+        lower, upper = max(lower, hard[0]), min(upper, hard[1])
     if follows or kind == "continuous" or not lower < upper:
-        notes.add("left out", "soft limits that leave no range, or of joints without stops", name)
+        notes.add(
+            "left out", "soft limits of a follower or a continuous joint, or without room", name
+        )
         return
-    notes.add("read", f"soft limits of <{SOFT}> are the usable range, and <limit> the stops", name)
+    stops = "and <limit> the stops" if any(hard) else "and <limit> has none"
+    text = f"soft limits of <{SOFT}> are the usable range, {stops}"
+    notes.add("read", text, f"{name} ({lower:g} to {upper:g})")
     limit.attrib |= {"lower": repr(lower), "upper": repr(upper)}
-    limit.attrib |= dict(zip(HARD, map(repr, hard), strict=True))
+    if any(hard):
+        limit.attrib |= dict(zip(HARD, map(repr, hard), strict=True))

@@ -10,6 +10,7 @@ import pytest
 from support import arm3
 from support.command_bench import inside
 
+from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.solvers.qp import qp_backends
 
 TASK = "{task: com, parameters: {target: {kind: point, position_m: [0.01, 0.025, 0.2869]}}}"
@@ -142,6 +143,15 @@ def test_all_that_is_wrong_in_a_file_is_told() -> None:
     assert refused.code == 2
     for key in ("plant.friction", "plant.substeps", "link.lease"):
         assert f"mine.yaml: {key}: " in refused.stderr
+
+
+def test_a_controller_config_names_a_xacro_file_with_its_arguments() -> None:
+    Path("arm.urdf.xacro").touch()
+    Path("mine.yaml").write_text(
+        "controller: qp12\nrobot: ./arm.urdf.xacro prefix:=left_ kind:=a/b\n", encoding="utf-8"
+    )
+    robot = read_config("mine.yaml")[0]["robot"]
+    assert robot == f"{Path('arm.urdf.xacro').resolve()} prefix:=left_ kind:=a/b"
 
 
 def test_a_urdf_is_a_robot_and_no_config(tmp_path: Path) -> None:

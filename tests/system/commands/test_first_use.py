@@ -215,10 +215,10 @@ for name in ("old", "new/empty", "new/full"):
 
 
 def test_after_a_safe_stop_the_next_steps_are_offered(capsys: pytest.CaptureFixture[str]) -> None:
-    show_next({"log": None, "safe_stops": 1}, "arm")
+    show_next({"log": None, "safe_stops": 1})
     offered = capsys.readouterr().err
-    assert all(word in offered for word in ("hoap3 recover arm", "hoap3 doctor", "--lockstep"))
-    show_next({"log": "logs/a", "safe_stops": 0}, "arm")
+    assert all(word in offered for word in ("hoap3 recover NAME", "hoap3 doctor", "--lockstep"))
+    show_next({"log": "logs/a", "safe_stops": 0})
     assert "recover" not in capsys.readouterr().err
 
 

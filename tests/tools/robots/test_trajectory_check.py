@@ -231,3 +231,11 @@ def test_units_are_named_where_limits_are_exceeded_and_where_steps_are_long(tmp_
         done = inside("trajectory", "check", file, "--robot", "ur5", "--json")
         assert done.code == code
         assert any(word in hint for hint in done.json()["hints"])
+
+
+def test_a_motion_that_is_a_little_too_fast_is_not_taken_for_degrees(tmp_path: Path):
+    file = tmp_path / "a.csv"
+    file.write_text("t,shoulder_pan_joint\n0,0\n0.3,1\n2,0\n")
+    done = inside("trajectory", "check", file, "--robot", "ur5", "--approach", "0", "--json")
+    assert done.code == 1
+    assert done.json()["hints"] == []
