@@ -478,14 +478,14 @@ class Figures(Settings):
     place_m: tuple[float, ...] = ()
     points: tuple[tuple[float, ...], ...] = ()
     count: int = 0
-    shares: dict[str, float] = {}
+    shares: dict[str, float] = Field({})
 
 
 @pytest.mark.parametrize(
     "content",
     [
-        {"shares": {"elbow": 1e300}}, {"rate": 1e300}, {"rate": -1e13}, {"rate": 1e-308}, {"rate": -1e-300}, {"count": 10**30},
-        {"place_m": [0.0, 1e300, 0.0]}, {"points": [[0.0], [1e300]]},
+        {"rate": 1e300}, {"rate": -1e13}, {"rate": 1e-308}, {"rate": -1e-300}, {"count": 10**30},
+        {"place_m": [0.0, 1e300, 0.0]}, {"points": [[0.0], [1e300]]}, {"shares": {"elbow": 1e300}},
     ],
 )  # fmt: skip
 def test_numbers_that_no_unit_explains_are_refused(content):
