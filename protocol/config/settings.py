@@ -81,15 +81,19 @@ class Settings(BaseModel):
     @classmethod
     def _check_value(cls, value: Any) -> Any:
         """Refuse what is not UTF-8, and numbers with which kernels overflow or never end."""
-        if isinstance(value, str) and not value.isascii() and _SURROGATE.search(value):
-            raise PydanticCustomError("utf8", "is not UTF-8", {"remedy": "Rename what is named so"})
-        if isinstance(value, tuple | list | Mapping):
-            for each in value.values() if isinstance(value, Mapping) else value:
-                cls._check_value(each)
-        size = abs(value) if isinstance(value, int | float) else 0
-        if size > (HUGE if isinstance(value, float) else 2**63) or 0 < size < TINY:
-            raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
+        _check_value(value, TINY)
         return value
+
+
+def _check_value(value: Any, least: float) -> None:
+    if isinstance(value, str) and not value.isascii() and _SURROGATE.search(value):
+        raise PydanticCustomError("utf8", "is not UTF-8", {"remedy": "Rename what is named so"})
+    if isinstance(value, tuple | list | Mapping):
+        for each in value.values() if isinstance(value, Mapping) else value:
+            _check_value(each, 0.0)  # a component of a direction may be as small as rounding
+    size = abs(value) if isinstance(value, int | float) else 0
+    if size > (HUGE if isinstance(value, float) else 2**63) or 0 < size < least:
+        raise ValueError(f"should be between {TINY:g} and {HUGE:g} in size, or 0")
 
 
 Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]

@@ -191,7 +191,7 @@ def _refuse_several(found: list[LocalRobot]) -> None:
 def _none_here(robot: str | None, remedy: str) -> LinkError:
     name = f" called {robot!r}" if robot else ""
     notes = "".join(f"; {note}" for note in (others_here(robot or ""), no_directory()) if note)
-    return LinkError(f"no robot{name} of this user runs on this machine{remedy}{notes}{STARTING}")
+    return LinkError(f"no robot{name} of this user runs on this machine{remedy}{notes or STARTING}")
 
 
 def only_alive(endpoint: str) -> str:

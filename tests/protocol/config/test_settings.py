@@ -497,9 +497,9 @@ def test_numbers_that_no_unit_explains_are_refused(content):
 
 
 def test_numbers_of_all_units_are_taken():
-    content = {"rate": -1e12, "place_m": [0.0, 1e-30, 1e9], "count": 2**62}
+    content = {"rate": -1e12, "place_m": [0.0, 7e-33, 1e9], "count": 2**62}
     found = parse(Figures, content, "mine.yaml")
-    assert (found.rate, found.place_m, found.count) == (-1e12, (0.0, 1e-30, 1e9), 2**62)
+    assert (found.rate, found.place_m, found.count) == (-1e12, (0.0, 7e-33, 1e9), 2**62)
 
 
 @pytest.mark.parametrize(

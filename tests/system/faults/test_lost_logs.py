@@ -54,7 +54,7 @@ def wait_for_ticks(at: str, count: int) -> None:
 
 def test_a_full_disk_in_lockstep(tmp_path: Path) -> None:
     out, limit = tmp_path / "log", {**LIMITED, "MOST_BYTES": "150000"}
-    words = ("run", "--lockstep", "--duration", 2, "--json", "--out", out)
+    words = ("run", "--controller", "qp12", "--lockstep", "--duration", 2, "--json", "--out", out)
     with hoap3(*words, environment=limit) as run:
         assert run.end() == 1
         assert_no_traceback(run)

@@ -30,6 +30,7 @@ from hoap3.tools.verify.verify import verify
 
 HERE = Path(__file__).parent
 NEAR_M = 3e-5
+QP12 = "--controller", "qp12"
 SHORTLY = [("paper", 22)]
 LATER = ("paper", 21), ("legacy", 21), ("legacy", 22)
 PAIRS = [*SHORTLY, *(pytest.param(*pair, marks=pytest.mark.slow) for pair in LATER)]
@@ -63,7 +64,7 @@ def over_zenoh(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     """Where the CoM ends in the same run over Zenoh, with encoders that count."""
     folder = tmp_path_factory.mktemp("zenoh") / "run"
     counts = "--set", "emulator.plant.encoder=counts"
-    assert_ran(inside("run", "--lockstep", "--duration", "2", "--out", folder, *counts))
+    assert_ran(inside("run", *QP12, "--lockstep", "--duration", "2", "--out", folder, *counts))
     return last_com(folder)
 
 
@@ -102,12 +103,12 @@ def test_in_real_time_it_ends_there_too(order: str, slots: int, tmp_path: Path) 
     """After 6 s the CoM has come to its target, so that a tick that was missed is made up for."""
     over_zenoh, folder = tmp_path / "zenoh", tmp_path / "run"
     time, counts = ("--duration", "6"), ("--set", "emulator.plant.encoder=counts")
-    assert_ran(inside("run", "--lockstep", *time, "--out", over_zenoh, *counts))
+    assert_ran(inside("run", *QP12, "--lockstep", *time, "--out", over_zenoh, *counts))
     keys = f"order={order}", f"slots={slots}"
     each = ["link.kind=hoap3_tcp", *(f"link.hoap3_tcp.{key}" for key in keys)]
     words = [f"emulator.{text}" for text in (*each, "misses_to_stop=9999")]
     given = [word for text in words for word in ("--set", text)]
-    done = inside("run", *time, "--out", folder, "--json", *given)
+    done = inside("run", *QP12, *time, "--out", folder, "--json", *given)
     assert done.code in {0, 1}, done.stderr
     told = done.json()
     assert np.linalg.norm(last_com(folder) - last_com(over_zenoh)) < NEAR_M
@@ -126,7 +127,7 @@ def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> 
     words = "emulator.link.kind=hoap3_tcp", f"emulator.link.hoap3_tcp.order={order}"
     words = (*words, "emulator.misses_to_stop=9999", "emulator.name=other")
     given = [word for text in words for word in ("--set", text)]
-    with Command("run", "--duration", "1", "--out", folder, "--json", *given) as run:
+    with Command("run", *QP12, "--duration", "1", "--out", folder, "--json", *given) as run:
         assert run.end() in {0, 1}, run.stderr
         told = run.json()
     assert told["transport"].startswith("hoap3_tcp")
