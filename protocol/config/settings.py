@@ -19,6 +19,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -79,9 +80,11 @@ class Settings(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _check_value(cls, value: Any) -> Any:
+    def _check_value(cls, value: Any, info: ValidationInfo) -> Any:
         """Refuse what is not UTF-8, and numbers with which kernels overflow or never end."""
-        _check_value(value, TINY)
+        field = cls.model_fields.get(str(info.field_name))
+        if field is None or field.annotation != dict[str, Any]:  # those have a model of their own
+            _check_value(value, TINY)
         return value
 
 

@@ -25,6 +25,7 @@ from hoap3.protocol.config.settings import (
     parse_yaml,
 )
 from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.config import ControllerConfig, check_parameters
 
 
 class Gains(Settings):
@@ -494,6 +495,13 @@ def test_numbers_that_no_unit_explains_are_refused(content):
         parse(Figures, content, "mine.yaml")
     assert caught.value.file == "mine.yaml"
     assert caught.value.key == key
+
+
+def test_a_number_in_parameters_is_named_with_its_key():
+    config = {"controller": "qp12", "parameters": {"target_m": [1e300, 0.0, 0.0]}}
+    with pytest.raises(ConfigError, match="between") as caught:
+        check_parameters(parse(ControllerConfig, config, "mine.yaml"), "mine.yaml")
+    assert caught.value.key == "parameters.target_m"
 
 
 def test_numbers_of_all_units_are_taken():
