@@ -20,6 +20,7 @@ from typing import NamedTuple
 from hoap3.protocol.runtime.numba_jit import inlined
 
 ULP = 2.0**-52  # of a double, relative
+SAME = 1e-12  # rad or m: a setpoint that is missed by no more is followed, but for rounding
 INSIDE = 1.0 - 1e-12  # of the acceleration is counted on in braking, because of rounding
 MOST_STEPS = 2.0**25  # nothing here takes longer to brake
 

@@ -11,7 +11,12 @@ import math
 
 from hoap3.protocol.robot.jerk.jerk_limits_kernels import brake_rise
 from hoap3.protocol.robot.jerk.jerk_takeover_kernels import Motion, of_joint
-from hoap3.protocol.robot.setpoint_limits_kernels import JointLimits, stopping_speed, within
+from hoap3.protocol.robot.setpoint_limits_kernels import (
+    SAME,
+    JointLimits,
+    stopping_speed,
+    within,
+)
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 from hoap3.robot_emulator.filters.jerk_approach_kernels import JOINTS
 from hoap3.robot_emulator.filters.jerk_block_kernels import (
@@ -67,7 +72,7 @@ def filter_jerk(
                 plain = JointLimits(limits[0, i], limits[1, i], limits[2, i], limits[3, i])
                 q, w = follow_one(setpoint[i], before, q, v, plain, T)
                 motion[0, i], motion[1, i], motion[2, i] = q, w, (w - v) / T
-            if motion[0, i] != setpoint[i] and held < 0:
+            if held < 0 and not abs(motion[0, i] - setpoint[i]) <= SAME:
                 held = i
     return held
 

@@ -12,6 +12,7 @@ import math
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.setpoint_limits_kernels import (
     INSIDE,
+    SAME,
     ULP,
     JointLimits,
     approach_speed,
@@ -80,6 +81,6 @@ def filter_setpoint(
     for i in range(value.size):
         limit = JointLimits(limits[0, i], limits[1, i], limits[2, i], limits[3, i])
         value[i], velocity[i] = follow_one(setpoint[i], before[i], value[i], velocity[i], limit, T)
-        if value[i] != setpoint[i] and held < 0:
+        if held < 0 and not abs(value[i] - setpoint[i]) <= SAME:
             held = i
     return held

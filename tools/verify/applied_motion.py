@@ -15,6 +15,7 @@ from hoap3.tools.verify.claims import RELATIVE, Claims
 Rows = NDArray[np.void]
 
 STARTUP_TICKS = 200  # from the first active one, as docs/concepts.md defines a start-up step
+SAME = 1e-12  # rad or m: a setpoint that is missed by no more was followed, but for rounding
 BEFORE = 3  # States that the differences of the first one need
 ROUNDINGS = 8  # ulp of a position, per difference
 OF_JERK = 12
@@ -99,7 +100,7 @@ def check_held_back(
     known = np.isin(followed, ticks[counts == 1])
     values = answers["values"][first[np.searchsorted(ticks, followed[known])]]
     held, last = np.zeros(len(states), bool), int(states["tick"][-1])
-    held[known] = (values != states["reference"][known]).any(1)
+    held[known] = ~(np.abs(values - states["reference"][known]) <= SAME).all(1)
     active, tick = states["mode"] == State.ACTIVE, states["tick"].astype(np.int64)
     begins = active & ~np.concatenate([[False], active[:-1]])
     since = np.maximum.accumulate(np.where(begins, tick, -STARTUP_TICKS))

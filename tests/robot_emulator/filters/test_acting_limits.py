@@ -54,6 +54,12 @@ MOTIONS = {
 }
 
 
+@pytest.mark.parametrize(("beyond", "held"), [(1e-14, False), (1e-11, True)])
+def test_a_setpoint_that_is_missed_by_rounding_is_followed(beyond, held):
+    found = first_held(PositionFilter, robot(), [0.0, A * T**2 + beyond])
+    assert (found is not None) == held
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_limit_of_positions_that_acts_is_named(name, sign):
