@@ -144,7 +144,7 @@ def _in_words(
         place = key
         if error["type"] == "union_tag_not_found":
             place = f"{key}.{error['ctx']['discriminator'].strip(chr(39))}"
-        return ConfigError(file, place, None, "is missing", "Add it")
+        return ConfigError(file, place, None, "is missing", f"Add it{_meaning(model, path)}")
     if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
         least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
         outer = _models_at(model, path[:-1])
@@ -178,7 +178,17 @@ def _remedy(model: type[BaseModel], path: Sequence[str], error: ErrorDetails) ->
     named = isinstance(value, str) and _NAME.fullmatch(value)
     if named and any("kind" in inner.model_fields for inner in below):
         return f"Write {path[-1]}: {{kind: {value}}}"
+    if remedy == "Change the value":
+        return remedy + _meaning(model, path)
     return remedy.format(**error.get("ctx", {}))
+
+
+def _meaning(model: type[BaseModel], path: Sequence[str]) -> str:
+    """What a value is, with its unit, to be added to a remedy; "" where its model has no word."""
+    while path and path[-1].isdecimal():
+        path = path[:-1]
+    fields = [each.model_fields.get(path[-1]) for each in _models_at(model, path[:-1]) if path]
+    return next((f": {field.description}" for field in fields if field and field.description), "")
 
 
 def _hint(model: type[BaseModel], path: Sequence[str], close: str | None) -> str:

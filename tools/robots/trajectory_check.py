@@ -107,8 +107,8 @@ def shown(found: dict[str, Any]) -> Iterator[str]:
         where = "on the way to" if each["approach"] else "behind"
         more = f", and in {each['segments'] - 1} other segments" if each["segments"] > 1 else ""
         yield (
-            f"{each['joint']}: {each['what']} {each['value']:.6g} at {each['time_s']:.6g} s, "
-            f"{where} line {each['line']}, limit {each['limit']:.6g}{more}"
+            f"{each['joint']}: {each['what']} {each['value']:.6g} {each['unit']} at "
+            f"{each['time_s']:.6g} s, {where} line {each['line']}, limit {each['limit']:.6g}{more}"
         )
     yield from found["hints"]
     if not found["exceeded"]:

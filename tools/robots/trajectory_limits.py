@@ -16,6 +16,7 @@ from hoap3.remote_controller.references.trajectories.trajectory import Trajector
 from hoap3.tools.robots.polynomial_peaks import derivative, peaks, value
 
 STILL = 1e-9  # of a velocity's jump: less is rounding
+PER = {"velocity": "/s", "acceleration": "/s²"}  # of a quantity, behind rad or m
 DIGITS = 1e4  # what is proposed is rounded up to 1 / it
 
 
@@ -60,7 +61,7 @@ def limits_exceeded(
             needed = max(needed, float(rest.max(initial=0.0)))
         else:
             fits = fits and not (each.shares > 1.0).any()
-        exceeded += _worst(each, motion, approaches=approaches)
+        exceeded += _worst(each, motion, robot, approaches=approaches)
     return {
         "exceeded": sorted(exceeded, key=lambda found: float(found["time_s"])),
         "fits_with_time_scaling": _up(needed * scaling) if fits else None,
@@ -129,8 +130,11 @@ def _jumps(
     )
 
 
-def _worst(given: Quantity, motion: Motion, *, approaches: bool) -> Iterator[dict[str, Any]]:
+def _worst(
+    given: Quantity, motion: Motion, robot: RobotDescription, *, approaches: bool
+) -> Iterator[dict[str, Any]]:
     """Of each joint the segment that exceeds the limit most, and how many do."""
+    per = next((unit for word, unit in PER.items() if given.what.startswith(word)), "")
     for joint, name in enumerate(motion.names):
         over = given.shares[:, joint] > 1.0
         if not over.any():
@@ -138,11 +142,13 @@ def _worst(given: Quantity, motion: Motion, *, approaches: bool) -> Iterator[dic
         excess = np.abs(given.values[:, joint] - given.limits[:, joint])
         sizes = given.shares[:, joint] if given.slower else excess
         k = int(np.argmax(np.where(over, sizes, -np.inf)))
+        slides = robot.structure.movable[name].kind == "prismatic"
         yield {
             "joint": name,
             "what": given.what,
             "value": float(given.values[k, joint]),
             "limit": float(given.limits[k, joint]),
+            "unit": ("m" if slides else "rad") + per,
             "time_s": float(given.times_s[k, joint]),
             "line": int(motion.lines[max(k - 1, 0)]),
             "approach": bool(k == 0 and approaches),

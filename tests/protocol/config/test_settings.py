@@ -479,6 +479,7 @@ class Figures(Settings):
     place_m: tuple[float, ...] = ()
     points: tuple[tuple[float, ...], ...] = ()
     count: int = 0
+    offset_m: tuple[float, float] = Field((0.0, 0.0), description="of the plane [m]")
     shares: dict[str, float] = Field({})
 
 
@@ -502,6 +503,15 @@ def test_a_number_in_parameters_is_named_with_its_key():
     with pytest.raises(ConfigError, match="between") as caught:
         check_parameters(parse(ControllerConfig, config, "mine.yaml"), "mine.yaml")
     assert caught.value.key == "parameters.target_m"
+
+
+@pytest.mark.parametrize(
+    ("value", "key"), [(3, "offset_m"), ([1], "offset_m.1"), ([1, "a"], "offset_m.1")]
+)
+def test_a_wrong_value_is_told_what_it_is_with_its_unit(value, key):
+    with pytest.raises(ConfigError, match=r"of the plane \[m\]") as caught:
+        parse(Figures, {"offset_m": value}, "mine.yaml")
+    assert caught.value.key == key
 
 
 def test_numbers_of_all_units_are_taken():

@@ -214,6 +214,7 @@ def test_a_jump_at_the_start_is_found(tmp_path: Path):
     assert done.code == 1
     assert found["joint"] == "shoulder_pan_joint"
     assert found["what"] == "jump of the position"
+    assert found["unit"] == "rad"
     assert found["value"] == pytest.approx(1.0)
     fits = done.json()["fits_with_approach_s"]
     assert fits > 0.0
