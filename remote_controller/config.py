@@ -96,8 +96,8 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if path.suffix in {".yaml", ".yml"} or os.path.exists(name):
         content = load_yaml(path)
         robot = content.get("robot")
-        if isinstance(robot, str) and ("/" in robot or "." in robot):
-            given, *arguments = re.split(r"(\s+\w+:=)", robot, maxsplit=1)  # of xacro
+        given, *arguments = re.split(r"(\s+\w+:=)", str(robot), maxsplit=1)  # of xacro
+        if isinstance(robot, str) and ("/" in given or "." in given):
             place = str((path.parent / given).resolve())
             content["robot"] = "".join((place, *arguments))
             if not os.path.exists(place):

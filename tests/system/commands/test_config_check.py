@@ -152,6 +152,9 @@ def test_a_controller_config_names_a_xacro_file_with_its_arguments() -> None:
     )
     robot = read_config("mine.yaml")[0]["robot"]
     assert robot == f"{Path('arm.urdf.xacro').resolve()} prefix:=left_ kind:=a/b"
+    package = "robot_descriptions:ur5_description kind:=a/b"
+    Path("mine.yaml").write_text(f"controller: qp12\nrobot: {package}\n", encoding="utf-8")
+    assert read_config("mine.yaml")[0]["robot"] == package
 
 
 def test_a_urdf_is_a_robot_and_no_config(tmp_path: Path) -> None:
