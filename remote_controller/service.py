@@ -448,7 +448,7 @@ class Service:
                     raise AuthorityError(link.robot, grant.holder)
             elif grant.holder not in self._names:
                 raise AuthorityError(link.robot, grant.holder)
-            why = f"{grant.reason}; it follows {grant.holder or 'nobody'}"
+            why = f"{grant.reason}; it follows {grant.holder or 'no controller'}"
             waits = f"waiting for authority over robot {link.robot!r} ({why})"
             self._tell_once("authority", Routine(waits))
             self._pause()

@@ -1,4 +1,4 @@
-"""A controller that waits for authority says so, and `--duration` ends one that follows."""
+"""A controller reports that it waits for authority; `--duration` counts all its sessions."""
 
 from __future__ import annotations
 

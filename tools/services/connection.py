@@ -289,7 +289,7 @@ class Connection:
             LinkError: no controller answers.
             UsageError: we do not steer.
         """
-        with self._steering:  # so that nobody releases in between
+        with self._steering:  # so that no other thread releases it meanwhile
             self._held()
             found = self._acquire()
             newest = found.get("newest", self._number)  # controllers before this one do not tell
@@ -344,7 +344,7 @@ class Connection:
         while True:
             over = time.monotonic() > until
             self._steers()
-            with self._steering:  # so that nobody releases in between
+            with self._steering:  # so that no other thread releases it meanwhile
                 self._held()
                 found = self._acquire()
             before, self._refused = self._refused, found["refused"]
@@ -435,7 +435,7 @@ class Connection:
         """
         grant = self._held()
         if not grant["following"]:
-            with self._steering:  # so that nobody releases in between
+            with self._steering:  # so that no other thread releases it meanwhile
                 self._held()
                 grant = self._acquire()
         if not grant["following"]:

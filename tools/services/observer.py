@@ -282,7 +282,7 @@ class _LogKeeper:
             why = ". ".join(fault) if fault else getattr(error, "strerror", None) or str(error)
             self._tell_service({"unserved": f"{why} ({host}, port {port})"})
             return
-        who = "; whoever reaches that address sees them" if not is_loopback(host) else ""
+        who = "; anyone who can reach that address can read them" if not is_loopback(host) else ""
         self._reporter.say(f"metrics at {server.url}{who}", "said" if who else "routine")
 
     def _log_bytes(self) -> int:

@@ -338,7 +338,7 @@ def run_controller(
     verbose: bool = False,
     duration: float | None = None,
 ) -> int:
-    """Run a controller until it is told to stop, or has followed its robot for `duration` [s].
+    """Run a controller until it is stopped, or has followed its robot for `duration` [s].
 
     Returns:
         Exit code, 1 where its log or metrics were lost.

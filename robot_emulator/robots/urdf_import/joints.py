@@ -281,7 +281,7 @@ def _range(
     """Its limits, or None of both where it has none; makes it continuous there.
 
     A missing limit is 0, as the format says, if the other one is given. Where neither is, or both
-    are 0 as exporters leave them, nobody has filled them in. An angle has two limits or none: one
+    are 0 as exporters leave them, they are not set. An angle has two limits or none: one
     beyond `ENDLESS` is that where the other one is a stop.
     """
     kind, name = new.attrib["type"], new.attrib["name"]

@@ -127,7 +127,7 @@ def count_the_rest(robot: ET.Element, notes: Notes) -> None:
 
 
 def _count(element: ET.Element, part: str, unknown: defaultdict[str, Counter[str]]) -> None:
-    """Count what an element of a link or a joint, or <robot> itself, holds and nobody reads."""
+    """Count the attributes and children of an element that are not used."""
     attributes, once, often = UNDERSTOOD[element.tag]
     fixed = element.tag == "joint" and element.get("type") == "fixed"
     once = ["origin", "parent", "child", "axis"] if fixed else once
