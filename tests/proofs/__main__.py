@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from hoap3.protocol.errors import Hoap3Error
+from hoap3.tools.analysis.output import print_json, print_line, print_note
 from hoap3.tools.cli.options import AsJson
 from hoap3.tools.machine.processes import to_people
-from hoap3.tools.show.output import print_json, print_line, print_note
 
 from .authority.proof import prove_authority
 from .filters.proof import prove_filter, prove_jerk

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from .transcribed import source_of, transcribed
 
 MODULES = (
-    "hoap3.protocol.robot.setpoint_limits_kernels",
+    "hoap3.protocol.limits.setpoint_limits_kernels",
     "hoap3.robot_emulator.filters.position_kernels",
 )
 FUNCTIONS = (

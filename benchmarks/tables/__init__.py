@@ -1,0 +1,1 @@
+"""Generators of tables in docs/: `python -m benchmarks.tables.NAME` writes one."""
