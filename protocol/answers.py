@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import from_json
 
-from hoap3.protocol.description import MAX_DELAY_TICKS, DeadlineRule, RobotDescription
 from hoap3.protocol.errors import DescriptionError, WireError
+from hoap3.protocol.robot.description import MAX_DELAY_TICKS, DeadlineRule, RobotDescription
 
 MAX_ANSWER_BYTES = 4096  # of a robot; its description has a limit of its own
 MAX_CONTROL_BYTES = 1 << 20  # of a controller, whose matrices are part of the answer
@@ -31,7 +31,7 @@ class Status(Answer):
     """What a robot does.
 
     Attributes:
-        mode: of its motion.
+        mode: of its motion; "starting" before it has any.
         holder: client that has authority, or None. Any text: escape it before it is shown.
         session_id: one run of the robot's schedule.
         tick: the newest one.
@@ -42,7 +42,7 @@ class Status(Answer):
         name_conflicts: how many other robots on its network use its name.
     """
 
-    mode: Literal["idle", "active", "stopping", "stopped"]
+    mode: Literal["starting", "idle", "active", "stopping", "stopped"]
     holder: Annotated[str, Field(max_length=64)] | None
     session_id: Uint64
     tick: Uint64

@@ -108,13 +108,9 @@ class NotInstalledError(UnknownNameError):
         package: what to install.
     """
 
-    def __init__(self, kind: str, name: str, package: str, installed: Iterable[str] = ()) -> None:
-        others = ", ".join(installed)
-        UsageError.__init__(
-            self,
-            f"the {kind} {name!r} is known, but not installed: pip install {package}"
-            + (f" (installed: {others})" if others else ""),
-        )
+    def __init__(self, kind: str, name: str, package: str) -> None:
+        problem = f"the {kind} {name!r} is known, but not installed"
+        UsageError.__init__(self, f"{problem}: pip install {package}")
         self.kind, self.name, self.known, self.nearest = kind, name, [name], None
         self.package = package
 
@@ -257,7 +253,7 @@ def _short(value: object) -> str:
         text = repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nest
         return f"a {type(value).__name__} that is too large to print"
-    return text if len(text) <= 80 else text[:77] + "..."
+    return text if len(text) <= 80 else f"{text[:30]}...{text[-47:]}"
 
 
 def _cut(key: str) -> str:

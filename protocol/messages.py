@@ -1,9 +1,8 @@
 """The only module that knows the bytes of the wire: messages as ROS 2 CDR, little endian.
 
-The `.msg` files in `msg/` are the schema; those of earlier versions lie in folders of their own.
-For given array lengths the layout of a message is fixed, so a message owns one aligned buffer:
-arrays are views into it, scalars are packed and unpacked in one call. The same bytes travel over
-the link and go into the log. docs/wire.md gives the offsets.
+The `.msg` files in `msg/` are the schema. For given array lengths the layout of a message is fixed,
+so a message owns one aligned buffer: arrays are views into it, scalars are packed and unpacked in
+one call. The same bytes travel over the link and go into the log. docs/wire.md gives the offsets.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class Schema:
 
     @property
     def version(self) -> int:
-        """What `wire_version` of such a message is; an Event is as in version 1."""
+        """What `wire_version` of such a message is; that of an Event is 1."""
         return self.constants.get("WIRE_VERSION", 1)
 
     @cached_property
@@ -126,15 +125,10 @@ class Schema:
 
 
 @cache
-def schema(name: str, folder: str = "") -> Schema:
-    """The schema of `State`, `Setpoint`, `Event` or `Target`, read from its `.msg` file.
-
-    Args:
-        name: of the message.
-        folder: "v1" for that of an earlier version.
-    """
-    files = resources.files("hoap3.protocol") / "msg" / folder
-    text = (files / f"{name}.msg").read_text(encoding="utf-8")
+def schema(name: str) -> Schema:
+    """The schema of `State`, `Setpoint`, `Event` or `Target`, read from its `.msg` file."""
+    file = resources.files("hoap3.protocol") / "msg" / f"{name}.msg"
+    text = file.read_text(encoding="utf-8")
     scalars: dict[str, str] = {}
     arrays: list[str] = []
     constants: dict[str, int] = {}

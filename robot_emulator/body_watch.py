@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 BEYOND_RAD, BEYOND_M = math.radians(0.5), 1e-3
 """How far beyond its stops a joint may be measured: simulated stops yield, encoders have noise."""

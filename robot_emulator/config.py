@@ -22,14 +22,14 @@ from hoap3.protocol.config.settings import (
     load_yaml,
 )
 from hoap3.protocol.config.user_code import may_import
-from hoap3.protocol.description import (
+from hoap3.protocol.errors import UnknownNameError
+from hoap3.protocol.robot.description import (
     MAX_DELAY_TICKS,
     CommandKind,
     DeadlineRule,
     Gravity,
 )
-from hoap3.protocol.description_parts import LEAST, MOST
-from hoap3.protocol.errors import UnknownNameError
+from hoap3.protocol.robot.description_parts import LEAST, MOST
 
 CONFIGS = Path(__file__).parent / "configs"
 FAR_M = 1000.0

@@ -17,10 +17,10 @@ from itertools import islice
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Request, RobotLink
 from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
-from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, State
+from hoap3.protocol.messages import COMMANDS, Event, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.deadlines import Durations
 from hoap3.protocol.runtime.event_limit import EventLimit
@@ -88,7 +88,6 @@ class RobotLoop:
     ) -> None:
         self._description, self._config = description, config
         self._description_json = description.to_json()
-        self._old_description = description.for_old_peers().to_json()
         self._config_json = config.model_dump_json().encode()
         lockstep = isinstance(clock, VirtualClock)
         self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK
@@ -461,8 +460,7 @@ class RobotLoop:
     def _answer(self, request: Request) -> dict[str, object] | bytes:
         match request.verb:
             case "description":
-                old = request.version < WIRE_VERSION
-                return self._old_description if old else self._description_json
+                return self._description_json
             case "config":
                 return self._config_json
             case "acquire":
@@ -527,8 +525,7 @@ class RobotLoop:
 
     def _record_config(self, request: Request) -> None:
         """Record the configuration that a controller sent with its request, as it came."""
-        old = request.version < WIRE_VERSION
-        if request.body and not old and len(request.body) <= MAX_CONFIG_BYTES:
+        if request.body and len(request.body) <= MAX_CONFIG_BYTES:
             config = request.body.decode("utf-8", "replace")
             said = {"side": "controller", "who": request.who, "config": config}
             self._record_fact(Kind.CONFIG, CONFIG, said)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.acceleration import (
     AccelerationFilter,

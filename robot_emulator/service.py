@@ -6,17 +6,18 @@ import json
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING
 
+from hoap3.protocol.answers import Status
 from hoap3.protocol.config.endpoints import beyond_this_machine
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.protocol.link.base import RemoteRobotLink, RobotLink
 from hoap3.protocol.link.local_control import LocalControl, local_robots
+from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.private_directory import no_directory
-from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
+from hoap3.protocol.runtime.realtime import Measure, prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -24,17 +25,14 @@ from hoap3.robot_emulator.filters.jerk import jerk_notes
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.plants.registry import declared, find_plant
 from hoap3.robot_emulator.robots import load_configured
-from hoap3.robot_emulator.robots.follower_limits import follower_notes
-
-if TYPE_CHECKING:
-    from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
+from hoap3.robot_emulator.robots.mimic_limits import mimic_joint_notes
 
 KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
     "hoap3.robot_emulator.filters.position_kernels",
     "hoap3.robot_emulator.filters.jerk_kernels",
-    "hoap3.protocol.robot.viability_bounds_kernels",
-    "hoap3.protocol.robot.followers.followers_kernels",
+    "hoap3.protocol.limits.viability_bounds_kernels",
+    "hoap3.protocol.robot.mimic_joints_kernels",
 )
 CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
 GIVEN = "given values"  # name of a start posture that the config gives as joint values
@@ -147,8 +145,10 @@ def serve(
     report: Callable[[str], None],
     should_stop: Callable[[], bool],
     ticks: int | None = None,
+    *,
+    lockstep: bool = False,
 ) -> RobotLoop:
-    """Run a robot in real time over its link until told to stop, or for `ticks`.
+    """Run a robot over its link until told to stop, or for `ticks`.
 
     Args:
         config, description: of the robot.
@@ -156,59 +156,50 @@ def serve(
         report: takes what happened at the start, for people.
         should_stop: asked at each tick; the robot then comes to rest first.
         ticks: duration counted from the first active tick, or None.
+        lockstep: run on virtual time: each State waits for its answer, however long that takes.
 
     Raises:
-        NameTakenError, PortInUseError, LinkError: it could not join the network.
+        NameTakenError, PortInUseError, LinkError: it could not join the network; or in lockstep
+            the controller did not answer for ten seconds; names the tick.
     """
+    session_id = config.seed if lockstep else secrets.randbits(63)
+    with closing(_while_starting(config, description, session_id, lockstep=lockstep)) as starting:
+        measures = [] if lockstep else _prepare_process(config, description, report)
+        for note in (*mimic_joint_notes(description), *jerk_notes(description), *told(measures)):
+            report(note)
+        reached = _open_link(config, description, report, session_id, blocking=lockstep)
+        link: RemoteRobotLink | RemoteLockstepLink = reached
+        clock: Clock = MonotonicClock()
+        if lockstep:
+            clock = virtual = VirtualClock()
+            compute_time = round(config.lockstep.compute_time_us * 1e3)
+            endless = ticks is None
+            link = RemoteLockstepLink(reached, virtual, compute_time, should_stop, endless=endless)
+        with closing(link):
+            loop = build_loop(
+                config, description, clock, link, recorder, lockstep=lockstep, session_id=session_id
+            )
+            loop.realtime = [str(measure) for measure in measures]
+            for line in loop.plant.notes():
+                report(line)
+            starting.close()
+            how = ", lockstep" if lockstep else ""
+            with _local_control(link, config, description, report, how):
+                start = 0 if lockstep else schedule_start(clock, loop.period)
+                loop.run(start, should_stop, ticks)
+    return loop
+
+
+def _prepare_process(
+    config: EmulatorConfig, description: RobotDescription, report: Callable[[str], None]
+) -> list[Measure]:
+    """Compile kernels, and ask the operating system for what real time needs."""
     from hoap3.protocol.runtime.numba_jit import warm_up
 
     contact = CONTACT_KERNELS if config.plant.contacts else ()
     plant = find_plant(config.plant, description.command_kinds[0])[0]
     warm_up((*KERNELS, *contact, *plant.kernels), lambda name: report(Detail(f"kernels: {name}")))
-    measures = prepare_process(config.realtime)
-    for note in (*follower_notes(description), *jerk_notes(description), *told(measures)):
-        report(note)
-    clock, session_id = MonotonicClock(), secrets.randbits(63)
-    with closing(_open_link(config, description, report, session_id)) as link:
-        loop = build_loop(
-            config, description, clock, link, recorder, lockstep=False, session_id=session_id
-        )
-        loop.realtime = [str(measure) for measure in measures]
-        for line in loop.plant.notes():
-            report(line)
-        with _local_control(link, config, description, report):
-            loop.run(schedule_start(clock, loop.period), should_stop, ticks)
-    return loop
-
-
-def serve_lockstep(
-    config: EmulatorConfig,
-    description: RobotDescription,
-    recorder: Recorder,
-    report: Callable[[str], None],
-    should_stop: Callable[[], bool],
-    ticks: int | None = None,
-) -> RobotLoop:
-    """The same on virtual time: each State waits for its answer, however long that takes.
-
-    Raises:
-        LinkError: the controller did not answer for ten seconds; names the tick.
-    """
-    from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
-
-    for note in (*follower_notes(description), *jerk_notes(description)):
-        report(note)
-    clock = VirtualClock()
-    compute_time = round(config.lockstep.compute_time_us * 1e3)
-    inner = _open_link(config, description, report, config.seed, blocking=True)
-    link = RemoteLockstepLink(inner, clock, compute_time, should_stop, endless=ticks is None)
-    with closing(link):
-        loop = build_loop(config, description, clock, link, recorder, lockstep=True)
-        for line in loop.plant.notes():
-            report(line)
-        with _local_control(link, config, description, report, ", lockstep"):
-            loop.run(0, should_stop, ticks)
-    return loop
+    return prepare_process(config.realtime)
 
 
 def _open_link(
@@ -232,6 +223,18 @@ def _open_link(
     return ZenohRobotLink(
         description.name, config.link, blocking=blocking, report=report, session_id=session_id
     )
+
+
+def _while_starting(
+    config: EmulatorConfig, description: RobotDescription, session_id: int, *, lockstep: bool
+) -> LocalControl:
+    """The local control until the loop can serve requests.
+
+    It has a thread of its own, with ordinary rights: that of the loop is started after
+    `prepare_process`, so that it runs with the loop's priority.
+    """
+    status = Status(mode="starting", holder=None, session_id=session_id, tick=0, lockstep=lockstep)
+    return LocalControl(description.name, config.link.places, status.model_dump())
 
 
 @contextmanager

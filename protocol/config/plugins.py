@@ -7,15 +7,14 @@ import re
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hoap3.protocol.config.dotted_keys import join_key
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.config.user_code import before_import
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
     FrameNotFoundError,
@@ -23,6 +22,10 @@ from hoap3.protocol.errors import (
     UnknownNameError,
     located,
 )
+from hoap3.protocol.former_names import find_former_method, find_former_name
+
+if TYPE_CHECKING:
+    from hoap3.protocol.robot.description import RobotDescription
 
 _DOTTED = re.compile(r"\w+(\.\w+)*:\w+(\.\w+)*")
 
@@ -37,7 +40,6 @@ class PluginGroup:
         builtin: ours, name to `module:Class`.
         bases: dotted paths of the classes that one of them must derive from; resolved on use.
         guide: topic of `hoap3 help` that shows how to write one.
-        renamed: former names of ours, and what to write instead.
     """
 
     kind: str
@@ -45,7 +47,6 @@ class PluginGroup:
     builtin: Mapping[str, str]
     bases: tuple[str, ...]
     guide: str
-    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def registered(self) -> dict[str, EntryPoint]:
         """Everything that can be named: ours, then those of installed packages."""
@@ -67,8 +68,6 @@ class PluginGroup:
                 not belong to the family.
         """
         key = key or self.kind
-        if today := self.renamed.get(name) or self._moved(name):
-            raise ConfigError(file, key, name, "was renamed in version 0.2", f"Write {today}")
         if name in self.builtin:
             point = EntryPoint(name, self.builtin[name], self.group)
         elif name in (known := self.registered()):
@@ -79,6 +78,8 @@ class PluginGroup:
                 raise ConfigError(file, key, name, "is no dotted path of a class", remedy)
             before_import(name, file, key)
             point = EntryPoint(name, name, self.group)
+        elif former := find_former_name(self.kind, name):
+            raise ConfigError(file, key, name, former.problem, former.remedy)
         else:
             hint = f" ({file}: {key}; your own is named package.module:Class)"
             raise UnknownNameError(self.kind, name, known, hint)
@@ -90,14 +91,6 @@ class PluginGroup:
             raise ConfigError(file, key, name, problem, remedy) from error
         return self._checked(loaded, name, file, key)
 
-    def _moved(self, name: str) -> str:
-        """Return the name of a class of ours by its dotted path of version 0.1, else ""."""
-        if not name.startswith("remote_controller."):
-            return ""
-        wanted = name.rpartition(":")[2]
-        ours = (key for key, path in self.builtin.items() if path.rpartition(":")[2] == wanted)
-        return next(ours, "")
-
     def _checked(self, loaded: Any, name: str, file: str, key: str) -> type[Any]:
         bases = tuple(EntryPoint("", base, self.group).load() for base in self.bases)
         if not (inspect.isclass(loaded) and issubclass(loaded, bases)):
@@ -108,6 +101,9 @@ class PluginGroup:
             problem = f"lacks the method {', '.join(missing)}"
             remedy = f"Define it; `hoap3 help {self.guide}` has an example"
             raise ConfigError(file, key, name, problem, remedy)
+        if hasattr(loaded, "apply") and (former := find_former_method(loaded)):
+            problem = f"has the method {former.old}, which {former.problem}"
+            raise ConfigError(file, key, name, problem, f"{former.remedy} (`hoap3 help changes`)")
         return loaded
 
 

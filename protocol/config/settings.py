@@ -28,11 +28,26 @@ from pydantic_core import PydanticCustomError, core_schema
 from hoap3.protocol.config.dotted_keys import split_key
 from hoap3.protocol.config.endpoints import Endpoint, beyond_this_machine, over_tls
 from hoap3.protocol.config.regular_file import read_named
-from hoap3.protocol.config.strict_numbers import make_strict
 from hoap3.protocol.config.wrong_settings import NAME_PATTERN, config_error
 from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
 from hoap3.protocol.errors import ConfigError
+
+_NO_SCHEMAS = {"default", "metadata", "config", "cls", "serialization", "expected"}
+
+
+def make_strict(schema: Any) -> None:
+    """Take nothing else for every integer, float and boolean in a schema of pydantic."""
+    if isinstance(schema, dict):
+        if schema.get("type") in {"int", "float", "bool"}:
+            schema["strict"] = True
+        for key, inner in schema.items():
+            if key not in _NO_SCHEMAS:
+                make_strict(inner)
+    elif isinstance(schema, list | tuple):
+        for inner in schema:
+            make_strict(inner)
+
 
 HUGE, TINY = 1e12, 1e-30  # size of numbers in SI units
 _SURROGATE = re.compile("[\ud800-\udfff]")  # a byte of a file's name that is not UTF-8
@@ -46,12 +61,11 @@ XML_FORMATS = {
     "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
 }
 """By their outermost element: what they are called, and what to do."""
-STANDARD_OUTPUT = "stdout"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
 
 _FIXES = {
-    "tab, or": "Indent with spaces, and quote text that starts with @, ` or %",
-    "tab character": "Indent with spaces",
+    "a tab": "Indent with spaces",
+    "cannot start a value": "Quote the text",
     "mapping values are not allowed": "Write one `key: value` a line, and quote text with a colon",
     "could not find expected ':'": "Write `key: value`, with a space behind the colon",
     "did not find expected": "Close each bracket and quote, and indent lines of one block alike",
@@ -67,7 +81,7 @@ class Settings(BaseModel):
     """Base of every settings model: unknown keys are errors, values cannot be changed later."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    hints: ClassVar[Mapping[str, str]] = {}  # of keys that moved or were renamed: what to write
+    hints: ClassVar[Mapping[str, str]] = {}  # of unknown keys: what to write instead
 
     @classmethod
     def __get_pydantic_core_schema__(
@@ -256,20 +270,11 @@ class LogSettings(Settings):
         ge=1,
         description="beyond this the oldest runs in it are deleted at a start; null: any size",
     )
-    json_lines: str | None = Field(
+    json_lines: Literal["stdout"] | None = Field(
         None,
-        min_length=1,
-        description="file that a service appends each line to that it tells people, as a JSON "
-        "object; stdout: there, in place of these lines; null: none",
+        description="stdout: a service writes JSON objects there, one a line, in place of lines "
+        "for people; null: none",
     )
-    json_lines_mb: int = Field(
-        10, strict=True, ge=1, description="of that file; then it is renamed to *.1, and so on to 4"
-    )
-
-    @property
-    def tells_json(self) -> bool:
-        """Whether JSON lines go to standard output, in place of the lines for people."""
-        return self.json_lines == STANDARD_OUTPUT
 
 
 class MetricsSettings(Settings):
@@ -311,7 +316,8 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
     try:
         content = read_yaml(data)
     except yaml.YAMLError as error:
-        raise ConfigError(file, "", None, f"is not valid YAML{_why(error)}", _fix(error)) from error
+        why = _why(error, data)
+        raise ConfigError(file, "", None, f"is not valid YAML{why}", _fix(why)) from error
     if content is None:
         remedy = "Write `key: value` lines, such as `robot: hoap3` or `controller: qp12`"
         raise ConfigError(file, "", None, "is empty", remedy)
@@ -345,8 +351,9 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
         try:
             value = read_yaml(text)
         except yaml.YAMLError as error:
-            problem = f"is not a YAML value{_why(error)}"
-            raise ConfigError("--set", key, text, problem, f"{_fix(error)}, or quote it") from error
+            why = _why(error, text)
+            remedy = f"{_fix(why)}, and quote it for the shell"
+            raise ConfigError("--set", key, text, f"is not a YAML value{why}", remedy) from error
         place: Any = result
         for part in parts[:-1]:
             place = _below(place, part, key)
@@ -354,17 +361,20 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
     return result
 
 
-def _why(error: yaml.YAMLError) -> str:
+def _why(error: yaml.YAMLError, text: bytes | str) -> str:
     """Where a YAML text is wrong, if known, and why."""
     mark = getattr(error, "problem_mark", None)
     place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
     why = str(getattr(error, "problem", None) or str(error).partition("\n")[0])
-    return f"{place}: {why.replace('character that cannot start any token', 'a tab, or @, ` or %')}"
+    if mark and "cannot start any token" in why:
+        lines = (text if isinstance(text, str) else text.decode(errors="replace")).split("\n")
+        found = lines[mark.line][mark.column : mark.column + 1]
+        why = "found a tab" if found == "\t" else f"found {found!r}, which cannot start a value"
+    return f"{place}: {why}"
 
 
-def _fix(error: yaml.YAMLError) -> str:
+def _fix(why: str) -> str:
     """What to write instead, by what libyaml found."""
-    why = _why(error)
     return next((fix for part, fix in _FIXES.items() if part in why), "Correct that place")
 
 

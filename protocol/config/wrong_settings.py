@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 
 from hoap3.protocol.config.dotted_keys import join_key
 from hoap3.protocol.errors import LONGEST_GUESS, ConfigError
+from hoap3.protocol.former_names import find_former_name
 
 LIKE = 0.6  # the least likeness, of 1, of a key that is suggested,
 MISSPELT = 0.7  # and of one that it rather is than a key inside `parameters`
@@ -134,7 +135,13 @@ def _in_words(
     path = _written(content, error)
     key = ".".join(filter(None, (prefix, join_key(path))))
     if error["type"] == "extra_forbidden":
-        known = _keys_at(model, path[:-1])
+        inside = content
+        for part in error["loc"][:-1]:
+            inside = inside[part] if _holds(inside, part) else inside
+        known = _keys_at(model, path[:-1], inside)
+        former = find_former_name("config key", path[-1])
+        if former and (former.new is None or former.new in known):
+            return ConfigError(file, key, error["input"], former.problem, former.remedy)
         close = _nearest_key(path[-1], known)
         guess = f"Did you mean {close!r}? " if close else ""
         guess = _hint(model, path, close) or guess
@@ -240,10 +247,22 @@ def _written(content: Any, error: ErrorDetails) -> list[str]:
     return path
 
 
-def _keys_at(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Keys that the model knows at a path inside it."""
-    names = (name for inner in _models_at(model, path) for name in inner.model_fields)
-    return list(dict.fromkeys(names))
+def _keys_at(model: type[BaseModel], path: Sequence[str], content: Any = None) -> list[str]:
+    """Keys that the model has at a path inside it; of a union, those of the kind in `content`."""
+    models = _models_at(model, path)
+    models = [inner for inner in models if _is_kind(inner, content)] or models
+    return list(dict.fromkeys(name for inner in models for name in inner.model_fields))
+
+
+def _is_kind(model: type[BaseModel], content: Any) -> bool:
+    """Whether a mapping is of the kind, or shape, that a member of a union describes."""
+    if not isinstance(content, dict):
+        return False
+    return all(
+        content.get(name, field.default) in typing.get_args(field.annotation)
+        for name, field in model.model_fields.items()
+        if name in {"kind", "shape"}
+    )
 
 
 def _models_at(model: type[BaseModel], path: Sequence[str]) -> list[type[BaseModel]]:

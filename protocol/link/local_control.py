@@ -3,7 +3,8 @@
 A robot listens on a Unix socket in its user's runtime directory. Only that user and root can
 connect. A request is one line, a JSON object such as `{"verb": "stop"}`; so is the answer. The
 socket has a thread of its own, which hands requests to the robot's loop through a queue and waits
-for the answer. The loop never waits for the thread.
+for the answer. The loop never waits for the thread. While a robot starts, which takes a minute
+where its kernels have to be compiled, the thread answers `status` itself and refuses the rest.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import re
 import socket
 import struct
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -30,6 +31,7 @@ WHO = "local"  # the client's name in a request
 MAX_LINE_BYTES = 65_536
 ANSWER_TIMEOUT_S = 2.0  # a robot in lockstep may wait for its controller meanwhile
 LINE_TIMEOUT_S = 0.5  # for a client to send its line, and to take the answer
+NOT_STARTED = "is starting and does not move yet; compiling its kernels may take a minute"
 WAITING = 16  # connections
 ACCEPT_PAUSE_S = 0.1  # until a client is accepted that could not be
 _FILE = re.compile(r"robot-([a-z][a-z0-9_]{0,31})-(\d+)\.sock")
@@ -45,12 +47,16 @@ class LocalControl:
     Args:
         robot: its name.
         endpoints: where it is reached over the network; told with each answer.
+        starting: the answer to `status` of a robot that has not started; None once it has.
 
     Attributes:
         path: of the socket; None where there is no private directory for it.
     """
 
-    def __init__(self, robot: str, endpoints: Sequence[str]) -> None:
+    def __init__(
+        self, robot: str, endpoints: Sequence[str], starting: Mapping[str, Any] | None = None
+    ) -> None:
+        self._starting = starting
         self._told = {"robot": robot, "endpoints": list(endpoints)}
         self._asked: SimpleQueue[Request] = SimpleQueue()
         self._ended = threading.Event()
@@ -116,6 +122,8 @@ class LocalControl:
         verb = content.get("verb") if isinstance(content, dict) else None
         if verb not in VERBS:
             return {"error": f"the request has no verb of {', '.join(VERBS)}"}
+        if self._starting is not None:
+            return dict(self._starting) if verb == "status" else {"error": f"it {NOT_STARTED}"}
         answers: _Answers = SimpleQueue()
         self._asked.put(Request(verb, WHO, answers.put, local=True))
         try:
@@ -145,6 +153,14 @@ class LocalRobot:
         except LinkError:
             endpoints = None
         return f"{self.name} at {', '.join(endpoints or ['no endpoint'])} (process {self.pid})"
+
+    @property
+    def starting(self) -> bool:
+        """Whether it says that it has not started yet."""
+        try:
+            return bool(self.ask("status").get("mode") == "starting")
+        except LinkError:
+            return False
 
     def ask(self, verb: str) -> dict[str, Any]:
         """Ask it something.

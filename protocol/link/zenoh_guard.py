@@ -20,7 +20,6 @@ from hoap3.protocol.link.zenoh_session import zenoh
 from hoap3.protocol.link.zenoh_sockets import shut_down
 from hoap3.protocol.secure.access import ACCESS_FILE, read_access
 from hoap3.protocol.secure.roles import Role, may_ask
-from hoap3.protocol.wire_versions import OLDEST
 
 LOOK_S = 0.25  # between two looks at the list and at who is connected
 
@@ -82,7 +81,7 @@ class Guard:
         """
         name, dot, _ = request.who.partition(".")
         role = self._roles.get(name)
-        if role is None or not dot or request.version == OLDEST or not may_ask(role, request.verb):
+        if role is None or not dot or not may_ask(role, request.verb):
             self._refused += 1
             listed = f"lists {name!r} as {role}" if role else f"does not list {name!r}"
             why = f"{request.who!r} has no right to {request.verb!r}: access.yaml {listed}"

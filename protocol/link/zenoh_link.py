@@ -2,9 +2,6 @@
 
 A State and its Setpoint travel as samples with the highest priority, unbatched. Whatever is
 rare (description, authority, stop, recover) is a query, answered by the robot between two ticks.
-
-Peers of version 1 of the wire are spoken to in version 1, and their messages become ones of today
-here, so that nothing else knows of them. They use keys without the sender's name at their end.
 """
 
 from __future__ import annotations
@@ -25,7 +22,6 @@ from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.link.name_claim import NameClaim
 from hoap3.protocol.link.robot_sessions import RobotSession, name_conflict
-from hoap3.protocol.link.sampling import Sampling
 from hoap3.protocol.link.zenoh_clients import (
     WAITING_STOPS,
     Clients,
@@ -37,9 +33,7 @@ from hoap3.protocol.link.zenoh_clients import (
 from hoap3.protocol.link.zenoh_guard import Guard
 from hoap3.protocol.link.zenoh_session import (
     QUERY_TIMEOUT_S,
-    SPEAKS,
-    ask_in,
-    ask_versions,
+    ask,
     event_publisher,
     fast_publisher,
     key,
@@ -49,8 +43,7 @@ from hoap3.protocol.link.zenoh_session import (
     state_key,
     zenoh,
 )
-from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
-from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
+from hoap3.protocol.messages import WIRE_VERSION
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further such request is taken: somebody takes none
@@ -77,8 +70,7 @@ class ZenohRobotLink:
         robot: name of the robot.
         settings: how it is reached.
         blocking: wait for the network rather than drop a State; for lockstep only.
-        report: takes the first client with version 1 of the wire, and other robots with the
-            same name.
+        report: takes other robots with the same name.
         session_id: of the robot.
 
     Attributes:
@@ -99,7 +91,6 @@ class ZenohRobotLink:
     ) -> None:
         self._overflowed = 0
         self.arrival, self._blocking = threading.Event(), blocking
-        self._report, self._old_listens, self._old_asks = report, False, False
         self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
         self._sampling = Sampling()
@@ -109,13 +100,10 @@ class ZenohRobotLink:
         try:
             self._name = NameClaim(session, robot, settings, session_id, report)
             self._state = fast_publisher(session, state_key(robot), blocking)
-            self._old_state = fast_publisher(session, state_key(robot, OLDEST), blocking)
-            self._old_state.declare_matching_listener(self._old_listens_now)
             self._sampled = session.declare_publisher(
                 sampled_key(robot, f"state/{WIRE_VERSION}"), express=True
             )
             self._events = event_publisher(session, key(robot, "events"))
-            self._speaks = session.liveliness().declare_token(key(robot, SPEAKS))  # before queries
             self._queries = Queries(session, robot)
             self._clients = Clients(session, robot)
             self._setpoints = session.declare_subscriber(
@@ -154,8 +142,6 @@ class ZenohRobotLink:
         if self._name.conflicts and self._name.is_quiet(state):
             return
         self._state.put(state)
-        if self._old_listens and self._old_asks:
-            self._old_state.put(downgraded(State, state))
         self._show()
         if self._sampling.takes(state):
             self._to_show.append(state)
@@ -204,8 +190,6 @@ class ZenohRobotLink:
                     refused += 1
                     continue
                 request = admitted
-            if request.version == OLDEST:
-                self._note_old(request.who)
             if request.verb == "acquire":
                 present = self._clients.asks(request.who)
                 request = replace(request, present=present, answer=self._noting(request))
@@ -260,7 +244,7 @@ class ZenohRobotLink:
                 if client_of(sample.key_expr) != self._holder and not self._has_room():
                     continue
                 self._overflowed += len(self._arrived) >= BACKLOG
-                arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
+                arrived((now(), sample.payload.to_bytes()))
                 signal()
                 self._show()
         except zenoh.ZError:
@@ -279,7 +263,7 @@ class ZenohRobotLink:
 
         def answer(content: dict[str, Any] | bytes) -> None:
             if isinstance(content, dict) and content.get("granted"):
-                self._holder = "setpoint" if request.version == OLDEST else request.who
+                self._holder = request.who
             request.answer(content)
 
         return answer
@@ -289,19 +273,6 @@ class ZenohRobotLink:
         if self._to_show:
             with contextlib.suppress(IndexError):  # the other thread has it
                 self._sampled.put(self._to_show.popleft())
-
-    def _old_listens_now(self, status: zenoh.MatchingStatus) -> None:
-        """In a thread of Zenoh's, where the first comes or the last goes."""
-        self._old_listens = status.matching
-
-    def _note_old(self, who: str) -> None:
-        """A client of version 1 has asked: it shall have its States."""
-        if not self._old_asks:
-            self._old_asks = True
-            self._report(
-                f"client {who!r} speaks wire version {OLDEST}: it gets no rates of the reference "
-                "and tells nothing of what it decided"
-            )
 
 
 class ZenohControllerLink:
@@ -317,7 +288,6 @@ class ZenohControllerLink:
         departures: how often it went away; it may be back before anybody has looked.
         linked: whether there has been a connection to anybody. A session that has had none is as
             good as new.
-        wire_version: that the robot speaks, as far as its answers tell.
         session_id: of the robot that is followed, -1 before.
     """
 
@@ -328,16 +298,20 @@ class ZenohControllerLink:
         self._robots: frozenset[RobotSession] = frozenset()
         self.presence, self.departures = threading.Event(), 0
         self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
-        self.linked, self.wire_version = False, WIRE_VERSION
-        self._waking, self._closed, self._blocking = threading.Lock(), False, blocking
-        self._declared: list[Any] = []  # what is for one version of the wire
+        self.linked, self._waking, self._closed = False, threading.Lock(), False
         self._sampling = Sampling()
         self._give_way = _way_to_sender()
         self._session = session = open_session(settings, robot, loops=True)
         self._answers = _Answers()
         try:
             session.info.declare_link_events_listener(self._link_changed, history=True)
-            self._speak(WIRE_VERSION)
+            self._setpoint = fast_publisher(session, key(robot, f"setpoint/{who}"), blocking)
+            self._states = session.declare_subscriber(
+                state_key(robot), zenoh.handlers.RingChannel(1)
+            )
+            self._waker = session.declare_publisher(
+                state_key(robot), allowed_destination=zenoh.Locality.SESSION_LOCAL
+            )
             self._sampled = session.declare_publisher(
                 sampled_key(robot, f"setpoint/{who}"), express=True
             )
@@ -367,12 +341,11 @@ class ZenohControllerLink:
         """Block until a State is there; None when woken because the robot came or went."""
         payload = self._states.recv().payload.to_bytes()
         stamp = time.monotonic_ns()
-        return (stamp, upgraded(State, payload)) if payload else None
+        return (stamp, payload) if payload else None
 
     def publish(self, setpoint: bytes) -> None:
         """Send a Setpoint."""
-        old = self.wire_version == OLDEST
-        self._setpoint.put(downgraded(Setpoint, setpoint) if old else setpoint)
+        self._setpoint.put(setpoint)
         if self._sampling.takes(setpoint):
             self._sampled.put(setpoint)
         self._give_way()
@@ -384,35 +357,8 @@ class ZenohControllerLink:
                 self._waker.put(b"")
 
     def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S, body: bytes = b"") -> bytes | None:
-        """Ask the robot; its answer, or None where it gives none in time.
-
-        The version of the wire that it gives its description in is spoken from then on.
-        """
-        given = self._session, self.robot, verb, self.who, body, timeout_s
-        if verb != "description":
-            return ask_in(self.wire_version, *given)
-        version, answer = ask_versions(*given)
-        if answer is not None and version != self.wire_version:
-            self._speak(version)
-        return answer
-
-    def _speak(self, version: int) -> None:
-        """Listen to States, and send Setpoints, of a version of the wire."""
-        session, state = self._session, state_key(self.robot, version)
-        leaf_of_setpoints = "setpoint" if version == OLDEST else f"setpoint/{self.who}"
-        setpoint = fast_publisher(session, key(self.robot, leaf_of_setpoints), self._blocking)
-        states = session.declare_subscriber(state, zenoh.handlers.RingChannel(1))
-        local = zenoh.Locality.SESSION_LOCAL
-        waker = session.declare_publisher(state, allowed_destination=local)
-        before = self._declared
-        with self._waking:
-            self.wire_version = version
-            self._setpoint, self._states, self._waker = setpoint, states, waker
-            self._declared = [setpoint, states, waker]
-        for declared in before:
-            declared.undeclare()
-        if before:
-            self.wake()  # whoever was to be woken meanwhile is so now
+        """Ask the robot; its answer, or None where it gives none in time."""
+        return ask(self._session, self.robot, verb, self.who, body, timeout_s=timeout_s)
 
     def close(self) -> None:
         """Leave the network."""
@@ -502,10 +448,7 @@ class _Answers:
         self._thread.start()
 
     def request(self, query: zenoh.Query, root: str) -> Request:
-        """A query to `root/<verb>/<who>` as a request, whose answer is sent from here.
-
-        One of version 1 goes to `root/<verb>`, and its payload is `<who>`.
-        """
+        """A query to `root/<verb>/<who>` as a request, whose answer is sent from here."""
 
         def answer(content: dict[str, Any] | bytes) -> None:
             payload = content if isinstance(content, bytes) else json.dumps(content).encode()
@@ -514,10 +457,8 @@ class _Answers:
         body = query.payload.to_bytes() if query.payload else b""
         text = str(query.key_expr)
         asked = text.removeprefix(f"{root}/")
-        verb, new, who = (leaf(text) if asked == text else asked).partition("/")
-        version = WIRE_VERSION if new else OLDEST
-        name = identity(who.encode() or body)
-        return Request(verb[:LONGEST_VERB], name, answer, body, version=version)
+        verb, _, who = (leaf(text) if asked == text else asked).partition("/")
+        return Request(verb[:LONGEST_VERB], identity(who.encode()), answer, body)
 
     def full(self) -> bool:
         """Whether so many answers wait to be sent that no further request is to be taken."""
@@ -554,3 +495,23 @@ def _way_to_sender() -> Callable[[], None]:
 
 def _nothing() -> None:
     """Nobody waits for an arrival in real time, nor for us to give way."""
+
+
+SAMPLED_TICKS = 16  # 62.5 Hz of a robot at 1 kHz
+_KIND, _TICK = slice(8, 12), slice(20, 28)
+"""Of a message: mode of a State, or command of a Setpoint; and the tick. See docs/wire.md."""
+
+
+class Sampling:
+    """Of each `SAMPLED_TICKS` ticks the first message, and each where the mode changed."""
+
+    def __init__(self) -> None:
+        self._last = (b"", -1)
+
+    def takes(self, message: bytes) -> bool:
+        """Whether a State or a Setpoint is one of them; each message is asked about once."""
+        this = message[_KIND], int.from_bytes(message[_TICK], "little") // SAMPLED_TICKS
+        if this == self._last:
+            return False
+        self._last = this
+        return True

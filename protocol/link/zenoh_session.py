@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections.abc import Iterable
 from typing import Literal
 
@@ -30,16 +29,14 @@ from hoap3.protocol.messages import WIRE_VERSION
 from hoap3.protocol.secure.credentials import read_credentials
 from hoap3.protocol.secure.profile import Profile, profile
 from hoap3.protocol.secure.refusals import listens, why_refused
-from hoap3.protocol.wire_versions import OLDEST
 
 __all__ = [
-    "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_all", "ask_in", "ask_versions",
-    "certified_peers", "check_unique", "fast_publisher", "is_alive", "key", "open_session",
-    "robot_sessions", "sampled_key", "session_name", "state_key", "zenoh",
+    "QUERY_TIMEOUT_S", "alive_robots", "ask", "ask_all", "certified_peers", "check_unique",
+    "fast_publisher", "is_alive", "key", "open_session", "robot_sessions", "sampled_key",
+    "session_name", "state_key", "zenoh",
 ]  # fmt: skip
 
 QUERY_TIMEOUT_S = 2.0
-SPEAKS = f"speaks/{WIRE_VERSION}"  # token of a robot that speaks the version of today
 CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
 DROP_US = 100
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
@@ -51,9 +48,9 @@ def key(robot: str, leaf: str) -> str:
     return f"robots/{robot}/{leaf}"
 
 
-def state_key(robot: str, version: int = WIRE_VERSION) -> str:
-    """Where a robot publishes its States in a version of the wire."""
-    return key(robot, "state" if version == OLDEST else f"state/{version}")
+def state_key(robot: str) -> str:
+    """Return where a robot publishes its States."""
+    return key(robot, f"state/{WIRE_VERSION}")
 
 
 def sampled_key(robot: str, leaf: str) -> str:
@@ -170,19 +167,25 @@ def ask(
     who: str,
     body: bytes = b"",
     whom: Literal["ask", "control"] = "ask",
+    timeout_s: float = QUERY_TIMEOUT_S,
 ) -> bytes | None:
     """Ask a robot ("ask"), or its controller ("control").
+
+    The first answer is returned at once. With its default consolidation Zenoh would wait for all
+    queryables, and a robot whose queue is full leaves a second copy of each `stop` unanswered.
 
     Args:
         session: that reaches it.
         robot: its name.
         verb, who, body: see `hoap3.protocol.link.base.Request`.
         whom: see above.
+        timeout_s: time for the answer [s].
 
     Returns:
         The answer; None where nobody gives one in time.
     """
-    return ask_versions(session, robot, verb, who, body, QUERY_TIMEOUT_S, whom)[1]
+    target, at_once = key(robot, f"{whom}/{verb}/{who}"), zenoh.ConsolidationMode.NONE
+    return _first(session.get(target, payload=body, timeout=timeout_s, consolidation=at_once))
 
 
 def ask_all(session: zenoh.Session, robot: str, verb: str, who: str, count: int) -> list[bytes]:
@@ -197,54 +200,6 @@ def ask_all(session: zenoh.Session, robot: str, verb: str, who: str, count: int)
             if len(found) >= count:
                 break
     return found
-
-
-def ask_versions(
-    session: zenoh.Session,
-    robot: str,
-    verb: str,
-    who: str,
-    body: bytes = b"",
-    timeout_s: float = QUERY_TIMEOUT_S,
-    whom: Literal["ask", "control"] = "ask",
-) -> tuple[int, bytes | None]:
-    """The same, and the version of the wire that the answer came in.
-
-    Where there is no answer the question is put as in version 1, but not to a robot that holds the
-    token that says that it speaks the version of today.
-    """
-    asked = time.monotonic()
-    answer = ask_in(WIRE_VERSION, session, robot, verb, who, body, timeout_s, whom)
-    left_s = timeout_s - (time.monotonic() - asked)
-    knows = whom == "ask" and answer is None and is_alive(session, robot, SPEAKS)
-    if answer is not None or left_s <= 0.0 or knows:
-        return WIRE_VERSION, answer
-    return OLDEST, ask_in(OLDEST, session, robot, verb, who, body, left_s, whom)
-
-
-def ask_in(
-    version: int,
-    session: zenoh.Session,
-    robot: str,
-    verb: str,
-    who: str,
-    body: bytes = b"",
-    timeout_s: float = QUERY_TIMEOUT_S,
-    whom: Literal["ask", "control"] = "ask",
-) -> bytes | None:
-    """Ask in one version of the wire; in version 1 the client's name is not in the key.
-
-    An answer counts as soon as it comes. Zenoh would keep it until nobody else could answer, and of
-    each `stop` a robot that is short of room keeps a second copy unanswered.
-    """
-    target = key(robot, f"{whom}/{verb}")
-    payload = body
-    if version != OLDEST:
-        target = f"{target}/{who}"
-    elif whom == "ask":
-        payload = who.encode()
-    at_once = zenoh.ConsolidationMode.NONE
-    return _first(session.get(target, payload=payload, timeout=timeout_s, consolidation=at_once))
 
 
 def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:
@@ -282,9 +237,9 @@ def check_unique(session: zenoh.Session, robot: str) -> None:
         raise NameTakenError(name_conflict(robot, sessions))
 
 
-def is_alive(session: zenoh.Session, robot: str, leaf: str = "alive") -> bool:
-    """Whether a robot of that name holds its liveliness token, or the one called `leaf`."""
-    replies = session.liveliness().get(key(robot, leaf), timeout=0.5)
+def is_alive(session: zenoh.Session, robot: str) -> bool:
+    """Whether a robot of that name holds its liveliness token."""
+    replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
     return any(reply.ok is not None for reply in replies)
 
 

@@ -13,9 +13,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
-from hoap3.protocol.robot.followers.followers import Followers
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.protocol.robot.mimic_joints import MimicJoints
 
 SOME_RANGE = math.pi  # rad: a revolute joint must have limits, of which nothing is used
 
@@ -27,12 +27,13 @@ class RobotModel:
     Attributes:
         description: what the model was built from.
         model, data: ``pinocchio.Model`` and its ``pinocchio.Data``; nq == nv == m, the joints of
-            the wire and their followers. It has the description's armature; ``damping`` and
+            the wire and their mimic joints. It has the description's armature; ``damping`` and
             ``friction`` are those of the URDF.
         order: (m,) index into Pinocchio's q and v of each joint in wire order, and then of each
-            follower. Without followers ``q_pinocchio[order] = q_wire`` and ``J_wire =
+            mimic joint. Without mimic joints ``q_pinocchio[order] = q_wire`` and ``J_wire =
             J_pinocchio[:, order]``. Read-only.
-        followers: what joints of the wire and all m have to do with each other; None without any.
+        mimic_joints: what joints of the wire and all m have to do with each other; None without
+            any.
         root_mass: mass of the root link and all that is fixed to it [kg]; Pinocchio keeps it in
             ``model.inertias[0]`` and leaves it out of the centre of mass and of the total.
         root_com: (3,) its centre of mass in the root link's frame [m]. Read-only.
@@ -48,7 +49,7 @@ class RobotModel:
     root_com: NDArray[np.float64]
     total_mass: float
     frames: dict[str, int]
-    followers: Followers | None
+    mimic_joints: MimicJoints | None
 
     @property
     def wire(self) -> NDArray[np.intp]:
@@ -65,6 +66,18 @@ class RobotModel:
             raise FrameNotFoundError(name, self.description.name, self.frames)
         return self.frames[name]
 
+    def moved_by(self, frame: str) -> NDArray[np.bool_]:
+        """Return which joints move a frame, (m,), in Pinocchio's order.
+
+        Raises:
+            FrameNotFoundError: no link is called so.
+        """
+        moved = np.zeros(self.model.nv, np.bool_)
+        for joint in self.model.supports[self.model.frames[self.frame_id(frame)].parentJoint]:
+            if joint > 0:  # 0 is the world
+                moved[self.model.joints[joint].idx_v] = True
+        return moved
+
     def com_in(self, frame: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Centre of mass at `q`, (n,) in wire order, in a frame's axes from its origin, (3,) [m].
 
@@ -74,7 +87,7 @@ class RobotModel:
         import pinocchio as pin
 
         ours = np.zeros(self.model.nq)
-        ours[self.order] = self.followers.positions(q) if self.followers else q
+        ours[self.order] = self.mimic_joints.positions(q) if self.mimic_joints else q
         share = self.root_mass / self.total_mass
         moving = pin.centerOfMass(self.model, self.data, ours)
         com = (1.0 - share) * np.array(moving) + share * self.root_com
@@ -93,7 +106,7 @@ class RobotModel:
         import pinocchio as pin
 
         ours = np.zeros(self.model.nq)
-        ours[self.order] = self.followers.positions(q) if self.followers else q
+        ours[self.order] = self.mimic_joints.positions(q) if self.mimic_joints else q
         pin.framesForwardKinematics(self.model, self.data, ours)
         placed, seen_from = (self.data.oMf[self.frame_id(name)] for name in (frame, reference))
         return np.asarray(pin.SE3ToXYZQUAT(seen_from.actInv(placed)))
@@ -114,8 +127,8 @@ def build_model(description: RobotDescription) -> RobotModel:
             f"robot {description.name!r}: Pinocchio cannot read the URDF ({error}). "
             "Check it with check_urdf from liburdfdom-tools."
         ) from error
-    followers = Followers(description) if description.structure.followers else None
-    names = (*description.joint_names, *(followers.names if followers else ()))
+    mimic_joints = MimicJoints(description) if description.structure.mimic_joints else None
+    names = (*description.joint_names, *(mimic_joints.names if mimic_joints else ()))
     order = np.array([model.joints[model.getJointId(name)].idx_q for name in names], dtype=np.intp)
     model.armature[order[: description.n]] = description.armature
     root = model.inertias[0]
@@ -133,39 +146,14 @@ def build_model(description: RobotDescription) -> RobotModel:
         frames={
             name: int(model.getFrameId(name, pin.FrameType.BODY)) for name in description.frames
         },
-        followers=followers,
+        mimic_joints=mimic_joints,
     )
-
-
-def collision_shapes(
-    description: RobotDescription,
-) -> dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]]:
-    """The <collision> shapes of each link as Pinocchio reads them.
-
-    Returns:
-        By link: Coal's geometry, its centre (3,) [m] and its axes (3, 3) in the link's frame.
-
-    Raises:
-        DescriptionError: Pinocchio or its URDF reader refuses the text.
-    """
-    import pinocchio as pin
-
-    model = build_model(description).model
-    urdf = one_coordinate_each(description)
-    found: dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]] = {}
-    shapes = pin.buildGeomFromUrdfString(model, urdf, pin.COLLISION)
-    for shape in shapes.geometryObjects:
-        frame = model.frames[shape.parentFrame]
-        here = frame.placement.actInv(shape.placement)
-        placed = (shape.geometry, here.translation.copy(), here.rotation.copy())
-        found.setdefault(frame.name, []).append(placed)
-    return found
 
 
 def one_coordinate_each(description: RobotDescription) -> str:
     """The robot's URDF, continuous joints as revolute ones; without any, the text as it is.
 
-    Pinocchio gives a continuous joint two coordinates, cosine and sine. A follower is a joint of
+    Pinocchio gives a continuous joint two coordinates, cosine and sine. A mimic joint is a joint of
     its own to it, unless asked otherwise.
     """
     if not description.structure.continuous:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.followers.followers import Followers
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 
 SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal
@@ -21,15 +20,15 @@ class Dynamics:
     rad, rad/s, rad/s², N m, or for prismatic joints m, m/s, m/s², N. Armatures of the rotors are
     part of M. Friction is no part of h, nor is gravity where the description has it `none`.
 
-    Of a robot with followers (`Followers`) M is Gᵀ·M_m·G and h is Gᵀ·h_m, and accelerations come
-    from the two; of others, faster, from the articulated-body algorithm.
+    Of a robot with mimic joints (`MimicJoints`) M is Gᵀ·M_m·G and h is Gᵀ·h_m, and accelerations
+    come from the two; of others, faster, from the articulated-body algorithm.
 
     Args:
         description: of the robot.
         robot: its model, if there is one already; gravity is as it is there.
 
     Attributes:
-        damping: viscous friction of the URDF [N m s/rad], that of followers included.
+        damping: viscous friction of the URDF [N m s/rad], that of mimic joints included.
         friction: Coulomb friction of the URDF [N m], likewise.
         inertia, joint_jacobian: see `place`.
         inertia_order: (n,) place of each joint of the wire in `inertia`.
@@ -42,29 +41,29 @@ class Dynamics:
         import pinocchio
 
         self.robot = build_model(description) if robot is None else robot
-        self.n, self.followers = description.n, self.robot.followers
+        self.n, self.mimic_joints = description.n, self.robot.mimic_joints
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
         self._aba, self._rnea, self._crba = pinocchio.aba, pinocchio.rnea, pinocchio.crba
         self._world, self._nle = pinocchio.Convention.WORLD, pinocchio.nonLinearEffects
         self._gravity_torque = pinocchio.computeGeneralizedGravity
         if robot is None and description.gravity == "none":
             self._model.gravity.setZero()
-        self._damped = pinocchio.Model(self._model)  # `forward_damped` changes its armature
+        self._damped = pinocchio.Model(self._model)  # `forward` changes its armature
         self._added = self._damped.armature
-        self._wire = self.robot.wire  # followers have no armature of their own
+        self._wire = self.robot.wire  # mimic joints have no armature of their own
         self._armature = np.array(self._model.armature)[self._wire]
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
-        if self.followers:
-            self.damping = self.followers.resistance(self.damping, dry=False)
-            self.friction = self.followers.resistance(self.friction, dry=True)
+        if self.mimic_joints:
+            self.damping = self.mimic_joints.resistance(self.damping, dry=False)
+            self.friction = self.mimic_joints.resistance(self.friction, dry=True)
         m = len(self._order)
         self._q, self._v, self._x = np.zeros(m), np.zeros(m), np.zeros(m)
         self._none, self._bias = np.zeros((2, self.n))
         self._full_inertia = self._data.M.reshape(m, m)
         self._places = np.array(self._order, np.int64)
         self.inertia, self.inertia_order = self._full_inertia, self._places
-        if self.followers:
+        if self.mimic_joints:
             self.inertia, self._mass = np.zeros((2, self.n, self.n))
             self.inertia_order = np.arange(self.n)
         self.joint_jacobian = self._data.J.reshape(6, m)
@@ -73,29 +72,39 @@ class Dynamics:
         """M(q), a new (n, n)."""
         self._take(q)
         self._crba(self._model, self._data, self._q)
-        if self.followers is not None:
+        if self.mimic_joints is not None:
             mass = np.zeros((self.n, self.n))
-            self.followers.inertia(self._full_inertia, self._places, mass)
+            self.mimic_joints.inertia(self._full_inertia, self._places, mass)
             return mass
         upper = np.triu(self._full_inertia)
         return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)])
 
+    def inertia_diagonal(self, q: FloatArray, out: FloatArray) -> None:
+        """Write the diagonal of M(q), (n,)."""
+        self._take(q)
+        self._crba(self._model, self._data, self._q)
+        if self.mimic_joints is None:
+            np.take(self._full_inertia.diagonal(), self._order, out=out)
+        else:
+            self.mimic_joints.inertia(self._full_inertia, self._places, self._mass)
+            np.copyto(out, self._mass.diagonal())
+
     def _take(self, q: FloatArray) -> None:
         """Take positions into Pinocchio's order."""
-        self._q[self._order] = q if self.followers is None else self.followers.positions(q)
+        self._q[self._order] = q if self.mimic_joints is None else self.mimic_joints.positions(q)
 
     def _move(self, dq: FloatArray, ddq: FloatArray) -> None:
         """Take velocities and accelerations likewise."""
-        order, followers = self._order, self.followers
-        self._v[order] = dq if followers is None else followers.velocities(dq)
-        self._x[order] = ddq if followers is None else followers.velocities(ddq)
+        order, mimic_joints = self._order, self.mimic_joints
+        self._v[order] = dq if mimic_joints is None else mimic_joints.velocities(dq)
+        self._x[order] = ddq if mimic_joints is None else mimic_joints.velocities(ddq)
 
     def _give(self, torques: FloatArray, out: FloatArray) -> None:
         """Write torques of Pinocchio's order in the wire's."""
-        if self.followers is None:
+        if self.mimic_joints is None:
             np.take(torques, self._order, out=out)
         else:
-            self.followers.columns(torques[self._order], out)
+            self.mimic_joints.columns(torques[self._order], out)
 
     def check_forward(self, q: FloatArray) -> None:
         """Refuse a robot of which torques do not say how it moves.
@@ -122,44 +131,22 @@ class Dynamics:
                 "<inertial>, or the joint an armature."
             )
 
-    def forward(self, q: FloatArray, dq: FloatArray, tau: FloatArray, out: FloatArray) -> None:
-        """Accelerations that torques `tau` give."""
-        if self.followers is not None:
-            self._solve(self.followers, q, dq, tau, self._none, out)
-            return
-        self._take(q)
-        self._move(dq, tau)
-        np.take(self._aba(self._model, self._data, self._q, self._v, self._x), self._order, out=out)
-
-    def forward_damped(
+    def forward(
         self, q: FloatArray, dq: FloatArray, tau: FloatArray, added: FloatArray, out: FloatArray
     ) -> None:
         """Accelerations that torques `tau` give where M has `added`, (n,) ≥ 0, on its diagonal."""
-        if self.followers is not None:
-            self._solve(self.followers, q, dq, tau, added, out)
-            return
-        order = self._order
         self._take(q)
+        if self.mimic_joints is not None:
+            self._crba(self._model, self._data, self._q)
+            self.mimic_joints.inertia(self._full_inertia, self._places, self._mass)
+            self.bias(q, dq, self._bias)
+            np.subtract(tau, self._bias, out=self._bias)
+            self.mimic_joints.accelerations(self._mass, added, self._bias, out)
+            return
         self._move(dq, tau)
         self._added[self._wire] = self._armature + added
-        np.take(self._aba(self._damped, self._data, self._q, self._v, self._x), order, out=out)
-
-    def _solve(
-        self,
-        followers: Followers,
-        q: FloatArray,
-        dq: FloatArray,
-        tau: FloatArray,
-        added: FloatArray,
-        out: FloatArray,
-    ) -> None:
-        """Write (M + diag(added))⁻¹·(τ − h), of a robot with followers."""
-        self._take(q)
-        self._crba(self._model, self._data, self._q)
-        followers.inertia(self._full_inertia, self._places, self._mass)
-        self.bias(q, dq, self._bias)
-        np.subtract(tau, self._bias, out=self._bias)
-        followers.accelerations(self._mass, added, self._bias, out)
+        ddq = self._aba(self._damped, self._data, self._q, self._v, self._x)
+        np.take(ddq, self._order, out=out)
 
     def inverse(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray) -> None:
         """Torques that accelerations `ddq` need."""
@@ -182,15 +169,15 @@ class Dynamics:
         """Update three views of what Pinocchio has, in its own order of joints.
 
         `inertia`, (n, n), the upper triangle of M with `added`, (n,) ≥ 0, on its diagonal; of a
-        robot with followers all of it, in the order of the wire;
+        robot with mimic joints all of it, in the order of the wire;
         `joint_jacobian`, (6, m), v and ω of what each joint moves, at the root's origin, in its
         axes; and every `placement`.
         """
         self._take(q)
         self._added[self._wire] = self._armature + added
         self._crba(self._damped, self._data, self._q, self._world)
-        if self.followers is not None:
-            self.followers.inertia(self._full_inertia, self._places, self.inertia)
+        if self.mimic_joints is not None:
+            self.mimic_joints.inertia(self._full_inertia, self._places, self.inertia)
 
     def placement(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Where a joint is in the root: views of its rotation (3, 3) and its origin (3,) [m]."""
@@ -211,13 +198,9 @@ class Dynamics:
         return int(found.parentJoint), np.ascontiguousarray(placed)
 
     def movers(self, frame: str) -> NDArray[np.bool_]:
-        """Which joints, those of the wire and behind them the followers, move a frame, (m,).
+        """Which joints, those of the wire and behind them the mimic joints, move a frame, (m,).
 
         Raises:
             FrameNotFoundError: the robot has no such frame.
         """
-        moved = np.zeros(len(self._order), np.bool_)
-        for joint in self._model.supports[self.carrier(frame)[0]]:
-            if joint > 0:
-                moved[self._model.joints[joint].idx_v] = True
-        return moved[self._order]
+        return self.robot.moved_by(frame)[self._order]

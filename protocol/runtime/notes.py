@@ -6,8 +6,12 @@ A plain `str` is always shown.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import ClassVar, Literal
 
 from hoap3.protocol.runtime.realtime import Measure
+
+NoteKind = Literal["detail", "compiling", "routine", "said", "not granted", "damaged", "unserved"]
+"""How much a text matters, as processes name it."""
 
 
 class Note(str):
@@ -17,31 +21,31 @@ class Note(str):
         news: the kind, as it is named between processes.
     """
 
-    news = "said"
+    news: ClassVar[NoteKind] = "said"
 
 
 class Detail(Note):
     """Shown with `--verbose` only, such as each kernel and each request to the system."""
 
-    news = "detail"
+    news: ClassVar[NoteKind] = "detail"
 
 
 class Routine(Note):
     """The normal course of a service: shown where it runs by itself, by `run` with `--verbose`."""
 
-    news = "routine"
+    news: ClassVar[NoteKind] = "routine"
 
 
 class NotGranted(Note):
     """What the operating system did not grant; both services of a `run` may say the same."""
 
-    news = "not granted"
+    news: ClassVar[NoteKind] = "not granted"
 
 
 class Unserved(Note):
     """What an observer cannot serve, though it was asked to: a finding, as a lost log is."""
 
-    news = "unserved"
+    news: ClassVar[NoteKind] = "unserved"
 
 
 def told(measures: Iterable[Measure]) -> Iterator[Note]:

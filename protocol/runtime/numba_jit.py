@@ -51,7 +51,6 @@ Vector: TypeAlias = Annotated[NDArray[np.float64], "f8[::1]"]
 Matrix: TypeAlias = Annotated[NDArray[np.float64], "f8[:,::1]"]
 Cube: TypeAlias = Annotated[NDArray[np.float64], "f8[:,:,::1]"]
 Indices: TypeAlias = Annotated[NDArray[np.int64], "i8[::1]"]
-IndexRows: TypeAlias = Annotated[NDArray[np.int64], "i8[:,::1]"]
 NUMBERS = {int: "i8", float: "f8", bool: "b1", type(None): "void"}
 
 

@@ -77,7 +77,7 @@ def _rules(robot: str, name: str, role: Role) -> Iterator[Rule]:
     into = ["ingress"]
     readable = [f"{root}/{leaf}" for leaf in READABLE]
     yield _rule(name, "read", into, ["declare_subscriber"], readable)
-    tokens = [f"{root}/{leaf}" for leaf in ("alive", "speaks/2", "session/*", "clients/*")]
+    tokens = [f"{root}/{leaf}" for leaf in ("alive", "session/*", "clients/*")]
     looks = ["declare_liveliness_subscriber", "liveliness_query"]
     yield _rule(name, "look", into, looks, ["robots/*/alive", "robots/*/session/*", *tokens])
     yield _rule(name, "be", into, ["liveliness_token"], [f"{root}/clients/{mine}"])

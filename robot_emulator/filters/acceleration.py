@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError
+from hoap3.protocol.limits.viability_bounds import AccelerationBounds
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.viability_bounds import AccelerationBounds
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.filters import base
 from hoap3.robot_emulator.plants.base import Plant, TorqueModel
 

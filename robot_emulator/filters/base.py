@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 POSITION, SPEED, ACCELERATION, JERK, TORQUE = (
     Event.schema.constants[f"LIMIT_{name}"]

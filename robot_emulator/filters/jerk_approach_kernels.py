@@ -7,8 +7,8 @@ processor does several of them at a time. No joint's answer depends on another's
 
 from __future__ import annotations
 
-from hoap3.protocol.robot.jerk.jerk_limits_kernels import MOST_STEPS_OF_NEWTON, stop_way
-from hoap3.protocol.robot.setpoint_limits_kernels import within
+from hoap3.protocol.limits.jerk_limits_kernels import MOST_STEPS_OF_NEWTON, stop_way
+from hoap3.protocol.limits.setpoint_limits_kernels import within
 from hoap3.protocol.runtime.numba_jit import Vector, inlined
 
 NEAR = 1e-9  # of JT: what is as near as that to a solution on one straight piece is on it

@@ -1,6 +1,6 @@
 """What becomes of setpoints on their way into a robot with a limit of jerk, in plain numpy.
 
-`jerk_kernels` is compared with it; all arrays are (n,). `jerk_limits_reference` has how a joint
+`jerk_kernels` is compared with it; all arrays are (n,). `jerk_limits_oracle` has how a joint
 brakes and stops.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.robot.jerk import jerk_limits_reference as plain
+from hoap3.protocol.limits import jerk_limits_oracle as plain
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
@@ -64,7 +64,7 @@ def filtered(setpoint: Array, history: Array, limits: plain.Limits, T: float, at
 
     Args:
         setpoint, history: asked for now, and (3, n) one, two and three periods ago.
-        limits: (5, n) as of `jerk_limits_reference.acceleration_bounds`.
+        limits: (5, n) as of `jerk_limits_oracle.acceleration_bounds`.
         T: period.
         at: place of the joint, and its velocity and acceleration over the last period.
     """

@@ -7,14 +7,14 @@ There always are some: docs/jerk.md has the proof.
 
 from __future__ import annotations
 
-from hoap3.protocol.robot.jerk.jerk_limits_kernels import (
+from hoap3.protocol.limits.jerk_limits_kernels import (
     below_wall,
     far_from_wall,
     release_reserve,
     within_velocity,
 )
-from hoap3.protocol.robot.jerk.jerk_takeover_kernels import Limits, Motion, rooms
-from hoap3.protocol.robot.setpoint_limits_kernels import within
+from hoap3.protocol.limits.jerk_takeover_kernels import Limits, Motion, rooms
+from hoap3.protocol.limits.setpoint_limits_kernels import within
 from hoap3.protocol.runtime.numba_jit import inlined
 
 

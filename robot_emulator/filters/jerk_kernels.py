@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.robot.jerk.jerk_limits_kernels import brake_rise
-from hoap3.protocol.robot.jerk.jerk_takeover_kernels import Motion, of_joint
-from hoap3.protocol.robot.setpoint_limits_kernels import (
+from hoap3.protocol.limits.jerk_limits_kernels import brake_rise
+from hoap3.protocol.limits.jerk_takeover_kernels import Motion, of_joint
+from hoap3.protocol.limits.setpoint_limits_kernels import (
     SAME,
     JointLimits,
     stopping_speed,

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.filters.base import ACCELERATION, POSITION, ROUNDING, SPEED
 
 

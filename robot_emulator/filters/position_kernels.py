@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.setpoint_limits_kernels import (
+from hoap3.protocol.limits.setpoint_limits_kernels import (
     INSIDE,
     SAME,
     ULP,
@@ -20,6 +19,7 @@ from hoap3.protocol.robot.setpoint_limits_kernels import (
     taken_over,
     within,
 )
+from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 
 

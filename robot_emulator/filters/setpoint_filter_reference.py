@@ -1,6 +1,6 @@
 """What becomes of setpoints on their way into a robot, in plain numpy; all arrays are (n,).
 
-`position_kernels` is compared with it. `setpoint_limits_reference` has how a joint stops.
+`position_kernels` is compared with it. `setpoint_limits_oracle` has how a joint stops.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.robot.setpoint_limits_reference import own_start, room_left, stopping_speed
+from hoap3.protocol.limits.setpoint_limits_oracle import own_start, room_left, stopping_speed
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def filtered(
 
     Args:
         setpoint, before: asked for now, and one period ago.
-        limits: (4, n) as of `setpoint_limits_reference.velocity_bounds`.
+        limits: (4, n) as of `setpoint_limits_oracle.velocity_bounds`.
         T: period.
         q, v: where the joint is, and its velocity.
     """

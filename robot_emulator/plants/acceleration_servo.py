@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.plants.base import Plant
 
@@ -22,10 +22,10 @@ class AccelerationServo(Plant):
     commands = ("acceleration",)
 
     def __init__(self, description: RobotDescription, parameters: Settings | None = None) -> None:
-        from hoap3.robot_emulator.plants.motion_kernels import accelerate
+        from hoap3.robot_emulator.plants.motion_kernels import advance
 
         super().__init__(description, parameters or self.Parameters())
-        self._accelerate = accelerate
+        self._advance = advance
         self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
         self._dynamics = Dynamics(description)
         self._still = np.zeros(description.n)
@@ -37,7 +37,7 @@ class AccelerationServo(Plant):
 
     def step(self, command: FloatArray, dt: float) -> None:
         """Accelerate by `command`, (n,) [rad/s² or m/s²], for `dt` [s]."""
-        self._accelerate(command, dt, *self._stops, self.q, self.dq)
+        self._advance(command, dt, True, *self._stops, self.q, self.dq)
         self._dynamics.inverse(self.q, self.dq, command, self.tau)
 
     def hold(self, dt: float) -> None:

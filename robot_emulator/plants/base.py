@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
 from hoap3.robot_emulator.config import PlantSettings
 
 TOLD = ("base", "contact", "imu")

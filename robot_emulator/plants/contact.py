@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
-from hoap3.protocol.urdf import UrdfStructure
+from hoap3.protocol.robot.urdf import UrdfStructure
 from hoap3.robot_emulator.config import ContactSettings
 
 
@@ -43,7 +43,7 @@ class Contacts:
         self._push, self._react, self._sense = kernels.push, kernels.react, kernels.sense
         n, count, sensors = description.n, len(settings), description.wrench_sensors
         self._dynamics, order = dynamics, np.array(dynamics.robot.order, np.int64)
-        self._followers = dynamics.followers
+        self._mimic_joints = dynamics.mimic_joints
         frames = [each.frame for each in settings]
         carriers = [dynamics.carrier(frame) for frame in [*frames, *sensors]]
         bodies = sorted({joint for joint, _ in carriers})
@@ -63,7 +63,7 @@ class Contacts:
         self._places = np.zeros((len(bodies), 3, 4))
         rows, half = np.zeros((2, count, 3, n))
         self._rows, self._full_rows = rows, rows
-        if self._followers is not None:
+        if self._mimic_joints is not None:
             self._full_rows = np.zeros((count, 3, len(order)))
         self._forces, self._torque, self._none = np.zeros((count, 3)), np.zeros(n), np.zeros(n)
         # what the kernels take
@@ -123,8 +123,8 @@ class Contacts:
             self._forces[:] = 0.0
             return False
         self._rows_of(*self._jacobians)
-        if self._followers is not None:
-            self._followers.columns(self._full_rows, self._rows)
+        if self._mimic_joints is not None:
+            self._mimic_joints.columns(self._full_rows, self._rows)
         return True
 
 

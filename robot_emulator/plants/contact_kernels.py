@@ -76,7 +76,7 @@ def contact_rows(
     Args:
         joint_jacobian: (6, n) v and ω of what each joint moves, at the root's origin, in
             Pinocchio's order.
-        order: (n,) column there of each joint of the wire, and of each follower behind them.
+        order: (n,) column there of each joint of the wire, and of each mimic joint behind them.
         movers: (c, n) which of them move a point.
         axes, points: see `touch`.
         rows_out: (c, 3, n) in that order.

@@ -53,10 +53,11 @@ def _stop(i: int, lower: FloatArray, upper: FloatArray, q: FloatArray, dq: Float
         q[i], dq[i] = lower[i], max(dq[i], 0.0)
 
 
-@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1])")
-def accelerate(
+@kernel("void(f8[::1], f8, b1, f8[::1], f8[::1], f8[::1], f8[::1])")
+def advance(
     ddq: FloatArray,
     dt: float,
+    exact: bool,
     lower: FloatArray,
     upper: FloatArray,
     q: FloatArray,
@@ -67,28 +68,17 @@ def accelerate(
     Args:
         ddq: accelerations [rad/s² or m/s²].
         dt: duration [s].
+        exact: q += dt·dq + dt²/2·ddq; else semi-implicit Euler, the velocity first.
         lower, upper: mechanical stops [rad or m].
         q, dq: changed in place [rad or m, and per s].
     """
     for i in range(q.size):
-        q[i] += dt * dq[i] + 0.5 * dt * dt * ddq[i]
-        dq[i] += dt * ddq[i]
-        _stop(i, lower, upper, q, dq)
-
-
-@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1])")
-def advance(
-    ddq: FloatArray,
-    dt: float,
-    lower: FloatArray,
-    upper: FloatArray,
-    q: FloatArray,
-    dq: FloatArray,
-) -> None:
-    """One step of semi-implicit Euler: the velocity first; arguments as in `accelerate`."""
-    for i in range(q.size):
-        dq[i] += dt * ddq[i]
-        q[i] += dt * dq[i]
+        if exact:
+            q[i] += dt * dq[i] + 0.5 * dt * dt * ddq[i]
+            dq[i] += dt * ddq[i]
+        else:
+            dq[i] += dt * ddq[i]
+            q[i] += dt * dq[i]
         _stop(i, lower, upper, q, dq)
 
 

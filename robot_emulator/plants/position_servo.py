@@ -7,9 +7,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Plant
 

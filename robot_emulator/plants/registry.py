@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from hoap3.protocol.config.plugins import PluginGroup
 from hoap3.protocol.config.settings import Settings, parse
-from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import ConfigError, located
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import TOLD, Declared, Plant
 

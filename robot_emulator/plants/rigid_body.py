@@ -6,9 +6,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Declared, Plant
@@ -119,7 +119,7 @@ class RigidBody(Plant):
             self._forward(command, h)
             if self._contacts:
                 self._contacts.feel(1.0 / self._substeps, self.wrench)
-            self._advance(self._ddq, h, *self._stops, self.q, self.dq)
+            self._advance(self._ddq, h, False, *self._stops, self.q, self.dq)
 
     def hold(self, dt: float) -> None:
         """Stand still: the brakes hold it, and stop it at once where it still moves."""
@@ -219,6 +219,6 @@ class RigidBody(Plant):
         self._joint_friction(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
         self._net += self.tau
         self._added *= h
-        self._dynamics.forward_damped(self.q, self.dq, self._net, self._added, self._ddq)
+        self._dynamics.forward(self.q, self.dq, self._net, self._added, self._ddq)
         if self._contacts:
             self._contacts.push(self.q, self.dq, self._added, h, self._ddq)

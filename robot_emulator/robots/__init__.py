@@ -13,7 +13,6 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from hoap3.protocol.config.plugins import blame
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
     Hoap3Error,
@@ -21,6 +20,7 @@ from hoap3.protocol.errors import (
     UnknownNameError,
     UrdfWarning,
 )
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source, split_arguments
 from hoap3.robot_emulator.robots.yaml_file import read_robot
 

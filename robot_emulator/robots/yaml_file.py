@@ -5,10 +5,10 @@ What is not written has a default:
 ===========================  ================================================================
 `joints`                     the movable joints of the URDF that follow no others, in its order
 `lower`, `upper`             usable range: `<limit lower upper>` of the URDF, as far as those of its
-                             followers allow; none of a continuous joint
+                             mimic joints allow; none of a continuous joint
 `lower_hard`, `upper_hard`   the usable range
 `velocity`, `effort`         `<limit velocity effort>` of the URDF; the velocity as far as those of
-                             its followers allow
+                             its mimic joints allow
 `setpoint_acceleration_max`  the one at the top of the file, for all joints; else `<limit
                              acceleration>` of the URDF; else 250/s times the velocity: full speed
                              within 4 ms
@@ -37,11 +37,16 @@ from pydantic import BeforeValidator, Field, StrictStr
 
 from hoap3.protocol.config.regular_file import read_at_most
 from hoap3.protocol.config.settings import RobotName, Settings, load_yaml, parse
-from hoap3.protocol.description import MAX_BYTES, CommandKind, RobotDescription
-from hoap3.protocol.description_parts import Number
 from hoap3.protocol.errors import ConfigError, DescriptionError
-from hoap3.protocol.urdf import CONTINUOUS, UrdfStructure, read_urdf
-from hoap3.robot_emulator.robots.follower_limits import limits_with_followers
+from hoap3.protocol.robot.description import (
+    MAX_BYTES,
+    CommandKind,
+    RobotDescription,
+    independent_joint,
+)
+from hoap3.protocol.robot.description_parts import Number
+from hoap3.protocol.robot.urdf import CONTINUOUS, UrdfStructure, read_urdf
+from hoap3.robot_emulator.robots.mimic_limits import limits_with_mimic_joints
 
 SETPOINT_RATE = 250.0  # [1/s] default setpoint_acceleration_max / velocity
 BRAKE_RATE = 10.0  # [1/s] default brake_acceleration / velocity
@@ -213,19 +218,11 @@ def describe(robot: RobotFile, urdf: str) -> RobotDescription:
 
 
 def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dict[str, Any]:
-    urdf, followers = structure.movable.get(entry.name), structure.followers
-    if entry.name in followers:
-        raise DescriptionError(
-            f"robot {robot.name!r}: joint {entry.name!r:.60}: it follows "
-            f"{followers[entry.name].master!r} (<mimic> in the URDF). Take it out of joints."
-        )
-    if urdf is None:
-        known = ", ".join(structure.movable) or "none"
-        raise DescriptionError(
-            f"robot {robot.name!r}: joint {entry.name!r:.60}: not a movable joint of the URDF. "
-            f"Its movable joints: {known:.400}."
-        )
-    limits = limits_with_followers(structure, entry.name)
+    try:
+        urdf = independent_joint(structure, entry.name)
+    except DescriptionError as error:
+        raise DescriptionError(f"robot {robot.name!r}: {error}") from error
+    limits = limits_with_mimic_joints(structure, entry.name)
     given = {**limits, **entry.model_dump(exclude_none=True, exclude={"guessed"})}
     if given.get("effort") == 0.0:  # as exporters write what nobody filled in
         given["effort"] = math.inf

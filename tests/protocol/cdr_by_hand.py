@@ -91,9 +91,6 @@ FIELDS = {
     ),
 }
 
-OLD_FIELDS = {"State": FIELDS["State"][:22], "Setpoint": FIELDS["Setpoint"][:24]}
-"""The same in version 1 of the wire."""
-
 _STATE = {
     "wire_version": 2,
     "mode": 2,
@@ -219,14 +216,6 @@ EXAMPLES = {
 """By name of the golden file: type of the message, and its values; no two fields are alike."""
 
 
-OLD_EXAMPLES = {
-    name: (kind, {field: values[field] for field, _ in OLD_FIELDS[kind]} | {"wire_version": 1})
-    for name, (kind, values) in EXAMPLES.items()
-    if name in {"state", "state_without_sensors", "setpoint", "setpoint_without_extras"}
-}
-"""Likewise of version 1, in the folder v1."""
-
-
 def write(kind: str, values: dict) -> bytes:
     """Plain CDR, little endian: each field at its natural alignment behind the header."""
     body = bytearray()
@@ -237,8 +226,6 @@ def write(kind: str, values: dict) -> bytes:
         body.extend(item)
 
     for name, code in FIELDS[kind]:
-        if name not in values:
-            continue  # of a later version
         if code.endswith("[]"):
             put("I", len(values[name]))
             for element in values[name]:

@@ -17,11 +17,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UnknownNameError
-from hoap3.protocol.urdf import read_urdf
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.protocol.robot.urdf import read_urdf
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.references.spline import read_csv
+from hoap3.remote_controller.references.settings import SplineSettings
 from hoap3.remote_controller.references.trajectories.motion_file import read_motion
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
@@ -65,7 +65,7 @@ def parsers(folder: Path) -> dict[str, Callable[[str], object]]:
 
     def csv(text: str) -> object:
         table.write_bytes(text.encode())
-        return read_csv(table, False)
+        return SplineSettings(kind="spline", file=table.name).build(folder)
 
     def motion(text: str) -> object:
         return read_motion(text, "a.csv", ("x", "a"), turns=True)

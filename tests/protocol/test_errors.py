@@ -2,43 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
-
-import pytest
-
-from hoap3.protocol import errors
 from hoap3.protocol.errors import (
     AuthorityError,
     ConfigError,
     FrameNotFoundError,
-    Hoap3Error,
     UnknownNameError,
     UsageError,
-    WireError,
-    nearest,
 )
-
-CLASSES = [
-    each for each in vars(errors).values() if inspect.isclass(each) and issubclass(each, Hoap3Error)
-]
-
-
-@pytest.mark.parametrize("error", CLASSES)
-def test_every_error_hangs_in_the_tree_that_the_docstring_draws(error):
-    lines = errors.__doc__.splitlines()
-    (drawn,) = [at for at, line in enumerate(lines) if f" {error.__name__}" in line]
-    if error is Hoap3Error:
-        return
-    indent = lines[drawn].index(error.__name__)
-    above = [line for line in lines[:drawn] if 0 < _start(line) < indent]
-    parent = above[-1][_start(above[-1]) :].split()[0]
-    assert parent in {base.__name__ for base in error.__bases__}
-
-
-def _start(line: str) -> int:
-    """Column of the name that a line of the drawing has, or 0."""
-    name = next((word for word in line.split() if word.endswith("Error")), None)
-    return line.index(name) if name else 0
 
 
 def test_an_unknown_name_carries_the_nearest_and_all_known_ones():
@@ -68,18 +38,9 @@ def test_a_holder_of_authority_is_named():
     assert "robot 'hoap3' does not see" in str(unseen)
 
 
-def test_a_rejection_carries_the_name_under_which_it_is_counted():
-    assert WireError("size", "too short").kind == "size"
-
-
 def test_a_setting_is_named_by_file_key_and_value():
     error = ConfigError("a.yaml", "x.y", 5, "is odd", "Write an even number")
     assert str(error) == "a.yaml: x.y: is odd (found 5). Write an even number"
     assert (
         str(ConfigError("a.yaml", "", None, "is empty", "Fill it")) == "a.yaml: is empty. Fill it"
     )
-
-
-def test_the_nearest_name_is_the_most_alike_or_none():
-    assert nearest("lease", ["listen", "lease_ms"]) == "lease_ms"
-    assert nearest("zzz", ["listen", "lease_ms"]) is None

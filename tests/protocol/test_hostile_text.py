@@ -13,8 +13,8 @@ from support.arm3 import URDF, YAML, write
 from hoap3.protocol.config.regular_file import open_regular
 from hoap3.protocol.config.settings import LogSettings, parse, parse_yaml
 from hoap3.protocol.errors import ConfigError, DescriptionError
-from hoap3.protocol.urdf import read_urdf
-from hoap3.remote_controller.references.spline import read_csv
+from hoap3.protocol.robot.urdf import read_urdf
+from hoap3.remote_controller.references.trajectories.motion_file import read_text
 from hoap3.robot_emulator.robots import load
 
 FEEDER = Path(__file__).with_name("hostile_text.py")
@@ -80,8 +80,8 @@ def test_what_is_no_regular_file_is_not_opened(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match="urdf: "):
             load(robot)
     with pytest.raises(ConfigError, match="is a FIFO, not a regular file"):
-        read_csv(fifo, False)
+        read_text(fifo)
     with pytest.raises(ConfigError, match="is a device, not a regular file"):
-        read_csv(Path("/dev/zero"), False)
+        read_text(Path("/dev/zero"))
     with pytest.raises(IsADirectoryError):
         open_regular(tmp_path)

@@ -14,6 +14,8 @@ LIGHT_MODULES = (
     "messages",
     "config.settings",
     "link.base",
+    "robot.description",
+    "robot.pinocchio_model",
     "runtime.clock",
     "runtime.deadlines",
     "runtime.realtime",

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from support.robot_bench import Bench
+from support.robot_bench import Bench, active
 from support.small_arm import PERIOD_NS
 
 from hoap3.protocol.messages import Setpoint, State
@@ -110,8 +110,7 @@ def test_the_body_has_moved_before_the_tick_begins():
 
 
 def test_a_request_that_comes_after_it_has_acted_waits_for_the_next_tick():
-    bench = Bench(lead=LEAD)
-    bench.link.ask("acquire", "test")
+    bench = active(lead=LEAD)
     answers: list[object] = []
     waited = bench.clock.sleep_until
 

@@ -9,8 +9,8 @@ import pytest
 from support.robot_bench import Bench
 from support.small_arm import arm
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.body_watch import BEYOND_RAD, BodyWatch
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.robot_log import check_body

@@ -16,8 +16,8 @@ from support.small_arm import arm
 
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.timing.tick_metrics import longest_run
-from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, TickTable
+from hoap3.tools.analysis.tick_metrics import longest_run, tick_figures
+from hoap3.tools.analysis.ticks import IN_TIME, LATE, LOST, TickTable
 from hoap3.tools.verify.deadline_checker import Recount
 
 RULES = ("next_tick", "after_receipt")
@@ -239,7 +239,7 @@ def test_counts_are_those_of_the_definition_and_of_the_log(tmp_path_factory, cas
     assert [expected[tick] for tick in log.tick.tolist()] == log.outcome.tolist()
     assert counts(made) == (60, *(log.count(each) for each in (IN_TIME, LATE, LOST)))
     assert longest_run(log) == found.longest_run
-    assert log.success_rate == found.run_rate
+    assert tick_figures([log])["success_rate"]["run"] == found.run_rate
     due = made.description.due
     begin = log.published if rule == "after_receipt" else log.intended
     assert np.array_equal(log.end, begin + due)

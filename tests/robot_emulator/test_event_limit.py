@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from support.robot_bench import EVENT_NAMES, Bench
+from support.robot_bench import active
 
 from hoap3.protocol.messages import Event
-from hoap3.protocol.runtime.event_limit import BURST, LIMITED, PERIOD_NS, EventLimit
-from hoap3.tools.show.event_words import in_words
+from hoap3.protocol.runtime.event_limit import BURST, PERIOD_NS, EventLimit
 
 REFUSED = Event.schema.constants["REFUSED"]
 
@@ -50,8 +49,7 @@ def test_what_was_left_out_is_told_once_a_second_until_all_is_told():
 
 
 def test_a_flood_of_refusals_is_a_few_events_and_their_number():
-    bench = Bench()
-    bench.link.ask("acquire", "alice")
+    bench = active("alice")
     bench.run(1)
     answers = []
     second = PERIOD_NS // bench.robot.period
@@ -71,8 +69,7 @@ def test_a_flood_of_refusals_is_a_few_events_and_their_number():
 
 
 def test_what_was_left_out_in_the_last_second_is_told_at_the_end():
-    bench = Bench()
-    bench.link.ask("acquire", "alice")
+    bench = active("alice")
     bench.run(1)
     for _ in range(40):
         bench.link.ask("acquire", "stranger")
@@ -86,8 +83,7 @@ def test_what_was_left_out_in_the_last_second_is_told_at_the_end():
 
 @pytest.mark.slow
 def test_a_controller_that_chatters_is_a_few_events_and_counted_in_full():
-    bench = Bench()
-    bench.link.ask("acquire", "alice")
+    bench = active("alice")
     bench.run(1)
     for sign in [1.0, -1.0] * 100:
         bench.speed[:] = 2.5 * sign  # more than the limit of acceleration allows in one tick
@@ -104,9 +100,3 @@ def test_a_controller_that_chatters_is_a_few_events_and_counted_in_full():
     assert 200 - 1 <= len(clipped) + left_out <= 200 + 1
     summary = bench.robot.summary()
     assert summary["interventions"] >= len(clipped) + left_out
-
-
-def test_the_number_is_told_in_words():
-    kind = Event.schema.constants["SUPPRESSED"]
-    assert in_words(kind, 412 << 8 | REFUSED, ()) == "412 of 'refused'"
-    assert set(LIMITED) <= set(EVENT_NAMES.values())

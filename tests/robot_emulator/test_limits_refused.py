@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from support.arm3 import YAML, write
-from support.strong_arms import small
+from support.strong_arms import changed, small
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -19,10 +19,8 @@ setpoint_acceleration_max: 20000.0
 
 @pytest.mark.parametrize("kind", ["acceleration", "torque"])
 def test_limits_against_condition_11_name_robot_joint_and_remedy(kind):
-    robot = small(kind)
     most = {"brake_acceleration": 20_000.0, "setpoint_acceleration_max": 20_000.0}
-    joints = tuple(joint.model_copy(update=most) for joint in robot.joints)
-    robot = robot.model_copy(update={"joints": joints})
+    robot = changed(small(kind), **most)
     with pytest.raises(DescriptionError) as refused:
         build_body(robot, EmulatorConfig())
     for word in (robot.name, robot.joint_names[0], "(11)", kind, "brake_acceleration"):

@@ -11,7 +11,6 @@ from support.robot_bench import EVENT_NAMES, Bench
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.recorder import BlockingRecorder, MemoryRecorder, RingRecorder
 from hoap3.protocol.runtime.shm_ring import Ring
-from hoap3.tools.show.event_words import in_words
 
 LOG_LOST = Event.schema.constants["LOG_LOST"]
 
@@ -56,8 +55,3 @@ def test_a_recorder_says_what_became_of_its_ring() -> None:
         assert BlockingRecorder(ring, lambda: True).lost is None  # virtual time stays as it is
     finally:
         os.close(ring.fd)
-
-
-def test_the_event_says_why_in_words() -> None:
-    assert os.strerror(errno.ENOSPC) in in_words(LOG_LOST, errno.ENOSPC, ())
-    assert in_words(LOG_LOST, 0, ()) != in_words(LOG_LOST, errno.ENOSPC, ())

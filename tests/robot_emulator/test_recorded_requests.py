@@ -36,14 +36,6 @@ def test_what_is_long_is_recorded_by_its_size():
     assert asked["answer"] == {"bytes": len(answers[0])}
 
 
-def test_a_description_without_what_version_1_does_not_know_is_given_to_who_speaks_it():
-    bench = active()
-    new, old = bench.link.ask("description"), bench.link.ask("description", version=1)
-    bench.run(1)
-    assert "state_arrays" not in json.loads(old[0])
-    assert json.loads(new[0]).keys() >= json.loads(old[0]).keys()
-
-
 def test_many_requests_of_one_kind_are_counted_and_left_out():
     bench = active()
     for _ in range(3 * BURST):
@@ -53,13 +45,6 @@ def test_many_requests_of_one_kind_are_counted_and_left_out():
     recorded = [fact for fact in facts if "left_out" not in fact]
     assert len(recorded) == BURST
     assert sum(fact.get("left_out", 0) for fact in facts) == 2 * BURST
-
-
-def test_an_unknown_verb_is_recorded():
-    bench = active()
-    bench.link.ask("dance", "somebody")
-    bench.run(1)
-    assert {"verb": "dance", "who": "somebody"}.items() <= told(bench, Kind.REQUEST)[-1].items()
 
 
 def test_tokens_are_recorded_as_they_come_and_go(monkeypatch):
@@ -90,10 +75,3 @@ def test_configurations_that_are_long_or_many_are_left_out():
         bench.link.ask("release", "me")
     bench.run(2)
     assert len(told(bench, Kind.CONFIG)) == BURST
-
-
-def test_what_a_client_of_version_1_sends_is_no_configuration():
-    bench = Bench()
-    bench.link.ask("acquire", "me", b"me", version=1)
-    bench.run(2)
-    assert told(bench, Kind.CONFIG) == []

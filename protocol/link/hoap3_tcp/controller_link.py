@@ -18,10 +18,10 @@ import time
 import numpy as np
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.hoap3_tcp.frames import BEGINNING, Frames, set_up
-from hoap3.protocol.messages import WIRE_VERSION, FloatArray, Setpoint, State
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 
 CONNECT_S = 2.0  # for the port of the frames, which HOAP-3 opens after the beginning
 PAUSE_S = 0.05
@@ -41,7 +41,6 @@ class Hoap3ControllerLink:
         presence: set while it is connected.
         departures: how often the robot went away.
         linked: whether it was ever connected.
-        wire_version: of the messages that it gives and takes, which do not travel.
 
     Raises:
         DescriptionError: the robot's positions do not fit into frames.
@@ -50,7 +49,6 @@ class Hoap3ControllerLink:
     def __init__(self, description: RobotDescription, settings: Hoap3TcpSettings, who: str) -> None:
         self.robot, self.who, self.session_id = description.name, who, -1
         self.presence, self.departures, self.linked = threading.Event(), 0, False
-        self.wire_version = WIRE_VERSION
         self._description, self._settings = description, settings
         self._frames, self._setpoint = Frames(description, settings.slots), Setpoint(description.n)
         self._per_period = 1.0 / description.period_s

@@ -13,9 +13,9 @@ import struct
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, WireError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 BEGINNING = struct.Struct("<2d")
 LOST_MS = 6000  # without a sign of life from the other machine

@@ -45,27 +45,27 @@ class Hoap3Reception:
     ) -> None:
         self._ended, self._report = ended, report
         self.refused = 0
-        self._beginnings = _listen(settings.host, settings.init_port)
+        self._init_listener = _listen(settings.host, settings.init_port)
         try:
-            self._followers = _listen(settings.host, settings.control_port)
+            self._control_listener = _listen(settings.host, settings.control_port)
         except LinkError:
-            self._beginnings.close()
+            self._init_listener.close()
             raise
-        self.listeners = (self._beginnings, self._followers)
+        self.listeners = (self._init_listener, self._control_listener)
         self.ports = tuple(listener.getsockname()[1] for listener in self.listeners)
 
     def next_client(self) -> tuple[socket.socket, int] | None:
         """Who has come, and how many exchanges it wants; None where nobody has for a moment."""
         ready = _readable(self.listeners)
-        beginning = _accept(self._beginnings) if self._beginnings in ready else None
+        beginning = _accept(self._init_listener) if self._init_listener in ready else None
         if beginning is None:
-            if self._followers in ready:
-                self.send_away(self._followers)
+            if self._control_listener in ready:
+                self.send_away(self._control_listener)
             return None
         try:
             with beginning:
                 wanted = exchanges(self._first_bytes(beginning))
-            return self._follower(), wanted
+            return self._control_connection(), wanted
         except (OSError, WireError) as error:
             if not self._ended():
                 self.refused += 1
@@ -94,17 +94,17 @@ class Hoap3Reception:
         while len(data) < BEGINNING.size:
             if self._ended() or time.monotonic() > until:
                 raise TimeoutError(f"sent {len(data)} of 16 bytes within {PATIENCE_S:g} s")
-            ready = _readable((beginning, self._followers))
+            ready = _readable((beginning, self._control_listener))
             if beginning in ready:  # first: its own second connection may be there, too
                 more = beginning.recv(BEGINNING.size - len(data))
                 if not more:
                     raise ConnectionError(f"has gone after {len(data)} of 16 bytes")
                 data += more
             elif ready:
-                self.send_away(self._followers)
+                self.send_away(self._control_listener)
         return data
 
-    def _follower(self) -> socket.socket:
+    def _control_connection(self) -> socket.socket:
         """The connection that has the frames.
 
         Raises:
@@ -113,9 +113,11 @@ class Hoap3Reception:
         until = time.monotonic() + CONNECT_S
         while not self._ended() and time.monotonic() < until:
             ready = _readable(self.listeners)
-            if self._beginnings in ready:
-                self.send_away(self._beginnings)
-            connection = _accept(self._followers) if self._followers in ready else None
+            if self._init_listener in ready:
+                self.send_away(self._init_listener)
+            connection = (
+                _accept(self._control_listener) if self._control_listener in ready else None
+            )
             if connection is not None:
                 if _is_open(connection):
                     return connection

@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
-from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.link.base import Arrival, Request
+from hoap3.protocol.link.base import Arrival, Request, RobotLink
 from hoap3.protocol.link.hoap3_tcp.client_connection import SAME, ClientConnection
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.link.hoap3_tcp.reception import LOOK_S, Hoap3Reception
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.messages import Setpoint, State, schema
+from hoap3.protocol.robot.description import RobotDescription
 
 FIFO = 8  # States that wait for their answers; further ones are not sent: an overrun
 PAUSE_S = 0.001  # until the loop has heard of the last client
@@ -30,7 +30,7 @@ MOST_REPORTS, REPORTS_S = 10, 10.0  # so many in that time at most: clients may 
 NO_CERTIFICATE = schema("Setpoint").constants["STATUS_NONE"]
 
 
-class Hoap3RobotLink:
+class Hoap3RobotLink(RobotLink):
     """A server with one client at a time. A thread receives; the loop sends, and never waits.
 
     Args:
@@ -111,13 +111,6 @@ class Hoap3RobotLink:
             yield from self._local.requests()
         while self._requests:
             yield self._requests.popleft()
-
-    def announce(self, event: bytes) -> None:
-        """Nothing: the protocol has no events."""
-
-    def tokens(self) -> Sequence[tuple[str, bool]]:
-        """None: the protocol has no tokens."""
-        return ()
 
     def look_again(self, who: str) -> None:
         """Say that a client has gone, unless it is connected."""

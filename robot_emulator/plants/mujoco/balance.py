@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.plants.mujoco.model import MujocoModel
 

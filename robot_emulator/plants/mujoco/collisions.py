@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import combinations
 from typing import Any
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import body_of, rotation_of
 from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
 

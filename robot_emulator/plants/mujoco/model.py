@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch, surround
-from hoap3.robot_emulator.plants.mujoco.files.joints import check_joints
-from hoap3.robot_emulator.plants.mujoco.files.mjcf import read_mjcf
 from hoap3.robot_emulator.plants.mujoco.inertias import repair
+from hoap3.robot_emulator.plants.mujoco.mjcf import check_joints, read_mjcf
 from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
     body_of,
     rerooted,
@@ -66,10 +65,10 @@ class MujocoModel:
     actuators: int = 0
 
     def pose(self, data: Any, q: FloatArray) -> None:
-        """Put the joints at `q`, (n,), and their followers where these belong, in an `MjData`."""
+        """Set the joints of an `MjData` to `q`, (n,), and mimic joints accordingly."""
         data.qpos[self.q_at] = q
         ties = self.ties
-        data.qpos[ties.followers] = ties.ratios * q[ties.masters] + ties.offsets
+        data.qpos[ties.mimic_joints] = ties.multipliers * q[ties.mimicked] + ties.offsets
 
     def site(self, frame: str) -> int:
         """MuJoCo's number of the site that stands for a frame."""

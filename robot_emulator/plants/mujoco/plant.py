@@ -8,17 +8,16 @@ from typing import Any, Self
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError, SolverError, one_of
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.mujoco.balance import Balance
+from hoap3.robot_emulator.plants.mujoco.differences import differences, sunk
 from hoap3.robot_emulator.plants.mujoco.equilibrium import place
-from hoap3.robot_emulator.plants.mujoco.files.differences import differences, sunk
-from hoap3.robot_emulator.plants.mujoco.files.joints import check_base
-from hoap3.robot_emulator.plants.mujoco.files.mjcf import refuse_unheeded
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
+from hoap3.robot_emulator.plants.mujoco.mjcf import check_base, refuse_unheeded
 from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
 from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import body_of
 from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses

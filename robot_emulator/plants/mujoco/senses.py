@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.plants.mujoco.model import IMU, MujocoModel
 
 MOST_COUNTS = 32767.0  # of an int16 encoder

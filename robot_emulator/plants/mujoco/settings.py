@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 
 FAR_M = 1000.0
 Metre = Annotated[float, Field(ge=-FAR_M, le=FAR_M)]

@@ -17,14 +17,15 @@ class Ties:
 
     Attributes:
         matrix: G, (nv, n): velocities are G·dq, of a base that stands still; forces count Gᵀ·f.
-        followers: (f,) where each follower is in qpos.
-        masters, ratios, offsets: (f,) it is at ratio · that joint of the wire + offset.
+        mimic_joints: (f,) where each mimic joint is in qpos.
+        mimicked, multipliers, offsets: (f,) it is at multiplier · that joint of the wire +
+            offset.
     """
 
     matrix: FloatArray
-    followers: NDArray[np.intp]
-    masters: NDArray[np.intp]
-    ratios: FloatArray
+    mimic_joints: NDArray[np.intp]
+    mimicked: NDArray[np.intp]
+    multipliers: FloatArray
     offsets: FloatArray
 
 
@@ -39,28 +40,28 @@ def ties_of(mujoco: Any, model: Any, joints: list[int]) -> Ties:
     matrix, found = np.zeros((model.nv, len(joints))), []
     for place, joint in enumerate(joints):
         matrix[model.jnt_dofadr[joint], place] = 1.0
-    for follower in led.keys() - set(joints):
-        joint, ratio, offset, passed = follower, 1.0, 0.0, set[int]()
+    for mimic_joint in led.keys() - set(joints):
+        joint, multiplier, offset, passed = mimic_joint, 1.0, 0.0, set[int]()
         while joint in led and joint not in {*joints, *passed}:
             passed.add(joint)
             joint, factor, shift = led[joint]
-            ratio, offset = ratio * factor, offset + ratio * shift
+            multiplier, offset = multiplier * factor, offset + multiplier * shift
         if joint in joints:  # else it follows a joint without a motor
-            matrix[model.jnt_dofadr[follower], joints.index(joint)] = ratio
-            found.append((model.jnt_qposadr[follower], joints.index(joint), ratio, offset))
+            matrix[model.jnt_dofadr[mimic_joint], joints.index(joint)] = multiplier
+            found.append((model.jnt_qposadr[mimic_joint], joints.index(joint), multiplier, offset))
     table = np.array(sorted(found)).reshape(-1, 4)
-    at, masters = table[:, :2].astype(np.intp).T
-    return Ties(matrix, at, masters, table[:, 2], table[:, 3])
+    at, mimicked = table[:, :2].astype(np.intp).T
+    return Ties(matrix, at, mimicked, table[:, 2], table[:, 3])
 
 
 def _led(mujoco: Any, model: Any) -> dict[int, tuple[int, float, float]]:
-    """By joint that follows another one in proportion: that one, ratio and offset."""
+    """By joint that follows another one in proportion: that one, multiplier and offset."""
     led = {}
     for number in range(model.neq):
         first, second = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        offset, ratio, *curved = map(float, model.eq_data[number][:5])
+        offset, multiplier, *curved = map(float, model.eq_data[number][:5])
         joints = model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT and second >= 0
-        if joints and model.eq_active0[number] and ratio and not any(curved):
-            q0, master_q0 = (model.qpos0[model.jnt_qposadr[joint]] for joint in (first, second))
-            led[first] = second, ratio, float(q0 + offset - ratio * master_q0)
+        if joints and model.eq_active0[number] and multiplier and not any(curved):
+            q0, mimicked_q0 = (model.qpos0[model.jnt_qposadr[joint]] for joint in (first, second))
+            led[first] = second, multiplier, float(q0 + offset - multiplier * mimicked_q0)
     return led

@@ -8,7 +8,7 @@ import numpy as np
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.urdf import is_finite, xacro_hint
+from hoap3.protocol.robot.urdf import is_finite, xacro_hint
 
 
 def figure(element: ET.Element | None, attribute: str, where: str) -> float | None:

@@ -1,27 +1,39 @@
-"""Writes an imported robot as a folder: `robot.yaml`, the URDF that travels, meshes for drawing."""
+"""Folder of an imported robot: `robot.yaml`, the URDF that travels, meshes for drawing.
+
+It is written here, and its meshes are checked against the digests in `robot.yaml`.
+"""
 
 from __future__ import annotations
 
 import json
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.robots.urdf_import.imported import RISE_S, ImportedRobot
 from hoap3.robot_emulator.robots.urdf_import.links import Visual
-from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, read_whole
+from hoap3.robot_emulator.robots.urdf_import.mesh_files import MeshError, digest, read_whole
 from hoap3.robot_emulator.robots.urdf_import.source import split_arguments
-from hoap3.robot_emulator.robots.yaml_file import SETPOINT_RATE, JointEntry
+from hoap3.robot_emulator.robots.yaml_file import SETPOINT_RATE, Guess, JointEntry, RobotFile
 
 MESHES = "meshes"
 FILE = "robot.yaml"
 WIDTH = 100
-WHY = {
-    "range": "no limits were given: it turns without end",
-    "velocity": "no velocity was given; it stands in the URDF",
-    "acceleration": f"a guessed velocity within {RISE_S:g} s; else {SETPOINT_RATE:g}/s times it",
+_WRAPPER = textwrap.TextWrapper(
+    WIDTH,
+    initial_indent="# - ",
+    subsequent_indent="#   ",
+    break_long_words=False,
+    break_on_hyphens=False,
+)
+WHY: dict[Guess, str] = {
+    "range": "the URDF gives no limits, so the joint turns without end",
+    "velocity": "the URDF gave none; this one was written into it",
+    "acceleration": f"given velocity times {SETPOINT_RATE:g}/s; guessed velocity in {RISE_S:g} s",
 }
+"""What each kind of guess is based on."""
 
 
 def write_folder(robot: ImportedRobot, folder: Path) -> list[Path]:
@@ -93,7 +105,7 @@ def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
         "#",
     ]
     for note in robot.notes:
-        lines += _wrapped(_plain(note.line()))
+        lines += _WRAPPER.wrap(_plain(note.line()))
     lines += [
         f"name: {_value(file.name)}",
         f"urdf: {_value(file.urdf)}",
@@ -101,7 +113,10 @@ def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
         f"command_kinds: {_value(list(file.command_kinds))}",
         "joints:  # wire order; limits that do not stand here stand in the URDF",
     ]
-    for joint in file.joints or ():
+    joints = file.joints or ()
+    guessed = [guess for guess in WHY if any(guess in joint.guessed for joint in joints)]
+    lines += [f"  # guessed {guess}: {WHY[guess]}" for guess in guessed]
+    for joint in joints:
         lines += _joint(joint)
     if file.default_task is not None:
         task = file.default_task.model_dump(exclude_none=True)
@@ -120,8 +135,7 @@ def _joint(joint: JointEntry) -> Iterator[str]:
     for key, value in others.items():
         yield f"    {key}: {_value(value)}"
     if joint.guessed:
-        why = "; ".join(f"{each}: {WHY[each]}" for each in joint.guessed)
-        yield f"    guessed: {_value(list(joint.guessed))}  # {why}"
+        yield f"    guessed: {_value(list(joint.guessed))}"
 
 
 def _mesh(visual: Visual, name: str) -> Iterator[str]:
@@ -154,12 +168,34 @@ def _plain(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def _wrapped(text: str) -> list[str]:
-    """As comments of at most `WIDTH` characters."""
-    lines, line = [], "# -"
-    for word in text.split():
-        if len(line) + 1 + len(word) > WIDTH:
-            lines.append(line)
-            line = "#  "
-        line += f" {word}"
-    return [*lines, line]
+def wrong_meshes(file: Path, robot: RobotFile) -> list[ConfigError]:
+    """What is wrong with the meshes of a robot, an error for each file that is.
+
+    Args:
+        file: the robot's YAML file.
+        robot: what it says.
+    """
+    wrong, seen = [], set()
+    for number, mesh in enumerate(robot.meshes):
+        named = [(f"meshes.{number}", mesh.file, mesh.sha256)]
+        named += [
+            (f"meshes.{number}.companions.{place}", each.file, each.sha256)
+            for place, each in enumerate(mesh.companions)
+        ]
+        for where, name, expected in named:
+            if (name, expected) in seen:  # several links may be drawn with one
+                continue
+            seen.add((name, expected))
+            try:
+                found = digest(file.parent / MESHES / name)
+            except MeshError as error:
+                remedy = f"Put it into {MESHES}/ again, or take it out of {file.name}"
+                key, value, problem = "file", name, str(error)
+            else:
+                if found == expected:
+                    continue
+                remedy = f"Import again, or if it is meant, write {found}"
+                key, value = "sha256", expected
+                problem = f"{MESHES}/{name} has another digest"
+            wrong.append(ConfigError(str(file), f"{where}.{key}", value, problem, remedy))
+    return wrong

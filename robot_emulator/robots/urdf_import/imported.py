@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.config.wrong_settings import NAME_PATTERN
-from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.robots.urdf_import.joints import ReadJoint
 from hoap3.robot_emulator.robots.urdf_import.notes import Note, Notes

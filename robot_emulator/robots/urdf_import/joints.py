@@ -11,8 +11,8 @@ import numpy as np
 
 from hoap3.protocol.errors import ConfigError, DescriptionError, did_you_mean, one_of
 from hoap3.protocol.robot.pinocchio_model import moved_origin
+from hoap3.protocol.robot.urdf import Mimic, resolve
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, written
-from hoap3.robot_emulator.robots.urdf_import.followers import AGAINST_MASTER, relax_followers
 from hoap3.robot_emulator.robots.urdf_import.names import joint_names
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
@@ -88,7 +88,7 @@ def read_joints(
             read.append(_moving(element, new, where, renamed, notes))
         made.append(new)
     unknown = {each.name for each in read if each.follows and "velocity" in each.guessed}
-    relax_followers(made, unknown, notes)
+    relax_mimic_limits(made, unknown, notes)
     return made, read
 
 
@@ -167,22 +167,22 @@ def _move_origin(element: ET.Element, new: ET.Element, value: float, where: str)
 
 
 def _kinds(elements: list[ET.Element], locked: dict[str, float], notes: Notes) -> list[str]:
-    """What each joint is here: a free base is welded, and followers of fixed joints are locked."""
+    """What each joint is here: a free base is welded, mimic joints of fixed joints are fixed."""
     kinds = ["fixed" if _name(each) in locked else each.get("type", "") for each in elements]
     _weld_base(elements, kinds, notes)
     by_name = {element.get("name"): number for number, element in enumerate(elements)}
     changed = True
-    while changed:  # a follower may be followed itself
+    while changed:  # a mimic joint may be followed itself
         changed = False
         for number, element in enumerate(elements):
             mimic, name = element.find("mimic"), _name(element)
             if mimic is None or kinds[number] == "fixed":
                 continue
-            master, where = str(mimic.get("joint")), f"URDF joint {name!r:.80}"
-            if kinds[by_name.get(master, number)] == "fixed":
+            mimicked, where = str(mimic.get("joint")), f"URDF joint {name!r:.80}"
+            if kinds[by_name.get(mimicked, number)] == "fixed":
                 ratio, offset = (figure(mimic, key, where) for key in ("multiplier", "offset"))
                 ratio = 1.0 if ratio is None else ratio
-                value = ratio * locked.get(master, 0.0) + (offset or 0.0)
+                value = ratio * locked.get(mimicked, 0.0) + (offset or 0.0)
                 notes.add("read", AFTER_OTHERS, f"{name} at {value:g}" if value else name)
                 kinds[number], locked[name], changed = "fixed", value, True
     return kinds
@@ -236,7 +236,7 @@ def _moving(
     limit = element.find("limit")
     mimic = element.find("mimic")
     guessed = []
-    lower, upper = _range(new, limit, where, notes, follower=mimic is not None)
+    lower, upper = _range(new, limit, where, notes, mimic_joint=mimic is not None)
     bounds = {} if lower is None else {"lower": repr(lower), "upper": repr(upper)}
     if mimic is None and new.attrib["type"] != element.get("type"):
         guessed.append("range")
@@ -270,13 +270,13 @@ def _moving(
                 f"{where}: follows {mimic.get('joint')!r:.60}, which is no joint. {hint}"
             )
         new[-1].set("joint", follows)
-        notes.add("read", "followers (<mimic>): they have no setpoint of their own", name)
+        notes.add("read", "mimic joints (<mimic>): they have no setpoint of their own", name)
     stops, kind = (hard[0], hard[1]) if hard else None, new.attrib["type"]
     return ReadJoint(name, kind, tuple(guessed), velocity, follows, stops, frozenset(rates))
 
 
 def _range(
-    new: ET.Element, limit: ET.Element | None, where: str, notes: Notes, *, follower: bool
+    new: ET.Element, limit: ET.Element | None, where: str, notes: Notes, *, mimic_joint: bool
 ) -> tuple[float | None, float | None]:
     """Its limits, or None of both where it has none; makes it continuous there.
 
@@ -291,15 +291,15 @@ def _range(
         return None, None
     lower, upper = (figure(limit, key, where) or 0.0 for key in ("lower", "upper"))
     wrong = _what_is_wrong(lower, upper, kind)
-    if kind == "revolute" and lower > upper and 0.0 in {lower, upper} and not follower:
+    if kind == "revolute" and lower > upper and 0.0 in {lower, upper} and not mimic_joint:
         text = "turns without end, because its limits are reversed: Bullet's way to write no limit"
         notes.add("guessed", text, f"{name} ({lower:g} to {upper:g})")
         new.set("type", "continuous")
         return None, None
-    if wrong and not follower:
+    if wrong and not mimic_joint:
         raise DescriptionError(f"{where}: its limits {wrong}")
     if wrong:
-        notes.add("left out", AGAINST_MASTER, name)
+        notes.add("left out", AGAINST_MIMICKED, name)
         lower = upper = 0.0
     if kind == "revolute" and max(-lower, upper) >= ENDLESS > min(-lower, upper):
         text = f"a limit of {ENDLESS:g} rad, because one beyond is given, and the other is a stop"
@@ -308,15 +308,15 @@ def _range(
     most = ENDLESS if kind == "revolute" else math.inf
     if lower < upper and max(-lower, upper) < most:
         return lower, upper
-    if kind == "revolute" and follower:
-        new.set("type", "continuous")  # its master's range is its own
+    if kind == "revolute" and mimic_joint:
+        new.set("type", "continuous")  # its mimicked joint's range is its own
         return None, None
     if kind == "revolute":
         text = "turns without end, because no limits are given (or 0 0, or both beyond 10000 rad)"
         notes.add("guessed", text, name)
         new.set("type", "continuous")
         return None, None
-    if follower:
+    if mimic_joint:
         return None, None
     raise DescriptionError(
         f'{where}: prismatic, and without a range. Write its <limit lower=".." upper="..">, in m.'
@@ -328,8 +328,76 @@ def _what_is_wrong(lower: float, upper: float, kind: str) -> str | None:
     if lower > upper:
         remedy = "Correct them" + (", or make it continuous." if kind == "revolute" else ", in m.")
         return f"are reversed, lower {lower:g} and upper {upper:g}: no limit to Bullet. {remedy}"
-    if lower == upper != 0.0:  # of a follower: others are locked
+    if lower == upper != 0.0:  # of a mimic joint: others are locked
         return f"leave it no range, both are {lower:g}. Widen them, or make it fixed."
     if kind == "revolute" and (lower >= ENDLESS or upper <= -ENDLESS):
         return f"leave it no angle below {ENDLESS:g} rad. Write them in rad, near 0."
     return None
+
+
+AGAINST_MIMICKED = "the range of mimic joints that would leave their mimicked joints none"
+AMPLE = 2.0  # times what its mimicked joint gives it: a velocity that bounds nothing
+
+Range = tuple[float, float]
+
+
+def relax_mimic_limits(joints: list[ET.Element], without_velocity: set[str], notes: Notes) -> None:
+    """Remove limits of mimic joints that would narrow their mimicked joint's by mistake.
+
+    These are a velocity that the file does not give, and a range that contradicts the mimicked
+    joint's, for example by a missing sign.
+
+    Args:
+        joints: all of them, as they can travel; changed.
+        without_velocity: names of the mimic joints whose velocity the file does not give.
+        notes: takes what was found.
+
+    Raises:
+        DescriptionError: a joint follows what does not move, or itself.
+    """
+    moving = {joint.attrib["name"]: joint for joint in joints if joint.get("type") != "fixed"}
+    mimic_joints = resolve({name: _mimic(joint) for name, joint in moving.items()})
+    left = {name: _limits(joint) for name, joint in moving.items()}
+    for name, mimic_joint in mimic_joints.items():
+        joint, mimicked = moving[name], mimic_joint.mimicked
+        both = _intersection(left[mimicked], mimic_joint.mimicked_range(*_limits(joint)))
+        if both[0] < both[1]:
+            left[mimicked] = both
+        else:
+            _drop_range(joint)
+            notes.add("left out", AGAINST_MIMICKED, name)
+        if name in without_velocity:
+            limit = moving[mimicked].find("limit")
+            speed = figure(limit, "velocity", f"URDF joint {mimicked!r:.80}") or 0.0
+            for own in joint.findall("limit"):
+                own.set("velocity", repr(AMPLE * abs(mimic_joint.multiplier) * speed))
+
+
+def _mimic(joint: ET.Element) -> Mimic | None:
+    mimic = joint.find("mimic")
+    if mimic is None:
+        return None
+    where = f"URDF joint {joint.get('name')!r:.80}"
+    for key in ("multiplier", "offset"):
+        if not math.isfinite(figure(mimic, key, where) or 0.0):
+            raise DescriptionError(f"{where}: <mimic {key}> is not finite. Write a number.")
+    return Mimic.read(where, mimic.attrib)
+
+
+def _limits(joint: ET.Element) -> Range:
+    limit, name = joint.find("limit"), f"URDF joint {joint.get('name')!r:.80}"
+    lower, upper = (figure(limit, key, name) for key in ("lower", "upper"))
+    return -math.inf if lower is None else lower, math.inf if upper is None else upper
+
+
+def _intersection(one: Range, other: Range) -> Range:
+    return max(one[0], other[0]), min(one[1], other[1])
+
+
+def _drop_range(joint: ET.Element) -> None:
+    """A mimic joint goes where its mimicked joint brings it."""
+    for limit in joint.findall("limit"):
+        limit.attrib.pop("lower", None)
+        limit.attrib.pop("upper", None)
+    if joint.get("type") == "revolute":
+        joint.set("type", "continuous")

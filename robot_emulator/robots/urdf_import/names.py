@@ -6,7 +6,7 @@ import re
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError
-from hoap3.protocol.urdf import RESERVED
+from hoap3.protocol.robot.urdf import RESERVED
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
 MOST_ROBOT = 32  # characters

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from hoap3.protocol.urdf import is_finite
+from hoap3.protocol.robot.urdf import is_finite
 
 LONG = 10.0  # m: more is probably in millimetres
 About = Literal["read", "guessed", "left out"]

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.robot.pinocchio_model import roll_pitch_yaw
-from hoap3.protocol.urdf import UrdfStructure, read_urdf
+from hoap3.protocol.robot.urdf import UrdfStructure, read_urdf
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
 from hoap3.robot_emulator.robots.urdf_import.joints import (
     ENDLESS,
@@ -200,7 +200,7 @@ def _normalize_limits(joint: ET.Element, limit: ET.Element, where: str, notes: N
             continue
         if not 0.0 < value < most or (follows and key in RATES):
             del limit.attrib[key]
-            why = "of a follower" if follows and key in RATES else "that is not plausible"
+            why = "of a mimic joint" if follows and key in RATES else "that is not plausible"
             notes.add("left out", f"{key} {why}", f"{name} ({value:g})")
     for key, large in LARGE.items():
         most, unit = (LONG, "millimetres") if kind == "prismatic" else (large, "degrees")
@@ -216,7 +216,7 @@ def _normalize_limits(joint: ET.Element, limit: ET.Element, where: str, notes: N
         lower, upper = max(lower, hard[0]), min(upper, hard[1])
     if follows or kind == "continuous" or not lower < upper:
         notes.add(
-            "left out", "soft limits of a follower or a continuous joint, or without room", name
+            "left out", "soft limits of a mimic joint or a continuous joint, or without room", name
         )
         return
     stops = "and <limit> the stops" if any(hard) else "and <limit> has none"

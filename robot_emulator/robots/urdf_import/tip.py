@@ -1,8 +1,8 @@
 """What a robot does whose file names no task: its tip moves a little, to where it can be.
 
 The tip is the tool: a link called `tcp`, `tool0`, `flange` or `ee`, or else the one with the most
-joints above it; joints of a gripper do not count: sliders, followers and their masters at the end
-of a chain. A target is where the tip comes to when
+joints above it; joints of a gripper do not count: sliders, mimic joints and their mimicked joints
+at the end of a chain. A target is where the tip comes to when
 joints above it turn a little, each away from its nearer limit: so there is a posture in which it is
 there, all limits kept, even where the arm is stretched out, or has one joint only. All joints turn
 together first; then one alone, from the base on. The first target is taken that a walker arrives
@@ -18,11 +18,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hoap3.protocol.description import DefaultTask, RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import DefaultTask, RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
-from hoap3.protocol.urdf import UrdfStructure
+from hoap3.protocol.robot.urdf import UrdfStructure
 from hoap3.robot_emulator.robots.urdf_import.figures import triple
 
 TOOLS = ("tcp", "tool0", "flange", "ee")  # words in the names of tools, the likeliest first
@@ -81,14 +81,14 @@ def _tool_rank(link: str) -> int:
 
 
 def _gripper_joints(structure: UrdfStructure) -> set[str]:
-    """Return joints that may be of a gripper: short sliders, followers, and masters that branch."""
-    moved, masters = structure.moved, {each.master for each in structure.followers.values()}
+    """Return joints of grippers: short sliders, mimic joints, and mimicked ones that branch."""
+    moved, mimicked = structure.moved, {each.mimicked for each in structure.mimic_joints.values()}
     beside = Counter(joint.parent for joint in moved.values())
     return {
         name
         for name, joint in moved.items()
         if joint.mimic is not None
-        or (name in masters and beside[joint.parent] > 1)
+        or (name in mimicked and beside[joint.parent] > 1)
         or (joint.kind == "prismatic" and (joint.upper or 0.0) - (joint.lower or 0.0) <= GRIP_M)
     }
 
@@ -115,8 +115,10 @@ def default_task(robot: RobotDescription, tip: str | None = None) -> DefaultTask
     dynamics = Dynamics(robot)
     nearer: tuple[float, str, FloatArray] | None = None  # than it should be moved
     for link in candidates(structure):
-        followers = structure.followers
-        joints = [followers[name].master if name in followers else name for name in above[link]]
+        mimic_joints = structure.mimic_joints
+        joints = [
+            mimic_joints[name].mimicked if name in mimic_joints else name for name in above[link]
+        ]
         if tip not in {None, link}:
             continue
         walker = _Tip(robot, dynamics, link, joints)
@@ -189,10 +191,10 @@ class _Tip:
         dynamics = self._dynamics
         columns = dynamics.joint_jacobian[:, dynamics.robot.order] * self._movers
         full = columns[:3] + np.cross(columns[3:], place, axis=0)
-        if dynamics.followers is None:
+        if dynamics.mimic_joints is None:
             return np.asarray(full)
         out = np.zeros((3, dynamics.n))
-        dynamics.followers.columns(full, out)
+        dynamics.mimic_joints.columns(full, out)
         return out
 
     def _turns(self) -> list[FloatArray]:

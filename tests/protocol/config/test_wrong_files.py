@@ -6,10 +6,9 @@ from typing import Any
 
 import pytest
 
-from hoap3.protocol.config.endpoints import zone_fault
 from hoap3.protocol.config.settings import LinkSettings, apply_overrides, parse, parse_yaml
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.config import ControllerConfig
+from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.tasks.posture import PostureTask
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -21,11 +20,11 @@ BENT = (0.0, -1.0, 1.0, 0.2, 0.0, 0.0)
 
 YAML: dict[str, tuple[bytes, str, str]] = {
     "a tab": (b"a:\n\tb: 1\n", "line 2", "spaces"),
-    "a tab at the start": (b"\ta: 1\n", "line 1", "spaces"),
     "a tab later": (b"a:\tx\n\tb: 1\n", "line 2", "spaces"),
     "no space": (b"a: 1\nb:2\nc: 3\n", "line 3", "key: value"),
     "two colons": (b"a: b: c\n", "line 1", "quote"),
     "an open list": (b"a: [1, 2\n", "line 2", "bracket"),
+    "an at sign": (b"a: @b\n", "line 1", "Quote"),
     "an open quote": (b"a: 'b\n", "line 2", "quote"),
     "Latin-1": (b"a: \xff\n", "byte 3", "Save it as UTF-8"),
     "UTF-16": (b"\xff\xfe" + "a: 1".encode("utf-16-le"), "byte 0", "Save it as UTF-8"),
@@ -46,6 +45,20 @@ def test_a_yaml_error_has_a_remedy(name: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("objective", "known"),
+    [
+        ({"kind": "lp", "gamma": 1}, "kind, p, weights"),
+        ({"kind": "qp12", "p": 2}, "adaptive_gamma"),
+    ],
+)
+def test_unknown_keys_are_compared_with_those_of_the_kind(objective: Any, known: str) -> None:
+    settings = {"controller": "stable_qp", "parameters": {"objective": objective}}
+    with pytest.raises(ConfigError) as caught:
+        check_parameters(parse(ControllerConfig, settings, "my.yaml"), "my.yaml")
+    assert f"Known keys: {known}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
     ("key", "better"), [("tasks[0]", "tasks.0"), ("p.tasks[1].kp", "p.tasks.1.kp")]
 )
 def test_brackets_in_a_key_are_refused_with_the_right_key(key: str, better: str) -> None:
@@ -57,39 +70,6 @@ def test_brackets_in_a_key_are_refused_with_the_right_key(key: str, better: str)
 
 def test_a_key_that_has_brackets_stays_a_key() -> None:
     assert apply_overrides({"a[0]": 1}, ["a[0]=2"]) == {"a[0]": 2}
-
-
-WRONG: dict[str, tuple[Any, dict[str, Any], str, object, str]] = {
-    "kind": (
-        PostureTask.Parameters,
-        {"target": {"kind": "nothing"}},
-        "target.kind",
-        "nothing",
-        "'live'",
-    ),
-    "mapping": (EmulatorConfig, {"plant": 3}, "plant", 3, "mapping"),
-    "too many": (
-        find("qp12").Parameters,
-        {"target_m": [1, 2, 3, 4]},
-        "target_m",
-        [1, 2, 3, 4],
-        "4 values",
-    ),
-    "name": (EmulatorConfig, {"name": "Arm"}, "name", "Arm", "starts with a letter"),
-    "robot": (ControllerConfig, {"controller": "qp12", "robot": "Arm"}, "robot", "Arm", "path"),
-}
-
-
-@pytest.mark.parametrize("name", WRONG)
-def test_no_text_of_a_library_is_left(name: str) -> None:
-    model, content, key, value, words = WRONG[name]
-    with pytest.raises(ConfigError) as caught:
-        parse(model, content, "my.yaml")
-    error = caught.value
-    assert (error.key, error.value) == (key, value)
-    assert words in error.problem
-    for raw in ("pattern", "dictionary", "tag", "validation", "^["):
-        assert raw not in error.problem
 
 
 def test_a_name_that_is_not_utf8_is_refused() -> None:
@@ -158,8 +138,3 @@ def test_a_link_local_address_without_interface_is_refused(given: str) -> None:
         parse(LinkSettings, {"connect": [given]}, "my.yaml")
     assert caught.value.key == "connect.0"
     assert "%eth0" in caught.value.remedy
-
-
-def test_only_link_local_hosts_need_an_interface() -> None:
-    assert zone_fault("fe80::1")
-    assert not any(map(zone_fault, ("fe80::1%eth0", "::1", "fd00::1", "127.0.0.1", "localhost")))

@@ -14,6 +14,7 @@ from typing import Any
 
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink, key
+from hoap3.protocol.messages import Setpoint, State
 
 PATIENCE_S = 30.0  # on a machine so busy that nothing else explains it
 
@@ -129,3 +130,14 @@ def next_state(link: ZenohControllerLink) -> tuple[int, bytes]:
     finally:
         alarm.cancel()
     return arrival
+
+
+def answer_to(link: ZenohControllerLink, tick: int) -> Setpoint:
+    """An answer to the State of a tick, for three joints, which asks for no motion."""
+    state, setpoint = State(3), Setpoint(3)
+    while state.tick != tick:
+        state.load(next_state(link)[1])
+    setpoint.session_id, setpoint.tick = state.session_id, state.tick
+    setpoint.epoch, setpoint.stamp_state = state.epoch, state.stamp_published
+    setpoint.values[:] = state.reference
+    return setpoint

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 
 import pytest
-from loopback import Network, eventually, known, next_state
+from loopback import Network, answer_to, eventually, known
 from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
@@ -37,7 +36,6 @@ class Scene:
         eventually(lambda: self.step() or asked.done(), "the grant")
         while self.robot.mode != State.ACTIVE:
             self.step()
-        self.state = State(3)
         known(self.link, self.holder)
 
     def step(self) -> None:
@@ -47,13 +45,7 @@ class Scene:
     def tick(self) -> bytes:
         """One tick; the holder's answer to it."""
         self.step()
-        while self.state.tick != self.robot.tick:
-            self.state.load(next_state(self.holder)[1])
-        setpoint = Setpoint(3)
-        setpoint.session_id, setpoint.tick = self.state.session_id, self.state.tick
-        setpoint.epoch, setpoint.stamp_state = self.state.epoch, self.state.stamp_published
-        setpoint.values[:] = self.state.reference
-        return setpoint.dump()
+        return answer_to(self.holder, self.robot.tick).dump()
 
     def race(self, answer: bytes, forged: bytes, *, intruder_first: bool) -> None:
         """Both answers reach the robot, in this order."""
@@ -75,15 +67,9 @@ def forge(answer: bytes, value: float) -> bytes:
     return setpoint.dump()
 
 
-@pytest.fixture
-def scene() -> Iterator[Scene]:
-    network = Network()
-    yield Scene(network)
-    network.close()
-
-
 @pytest.mark.parametrize("seed", range(3))
-def test_whoever_wins_the_holder_is_told(scene, seed):
+def test_whoever_wins_the_holder_is_told(network, seed):
+    scene = Scene(network)
     choice = random.Random(seed)
     for _ in range(choice.randrange(3)):
         answer = scene.tick()

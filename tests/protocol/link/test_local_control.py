@@ -42,13 +42,6 @@ def asked(network: Network, verb: str):
     return network.start(robot.ask, verb)
 
 
-@pytest.fixture
-def network() -> Iterator[Network]:
-    made = Network()
-    yield made
-    made.close()
-
-
 def take(local: LocalControl):
     return eventually(lambda: next(local.requests(), None), "the request")
 
@@ -200,7 +193,7 @@ def test_local_requests_come_before_those_of_the_network(local, network):
     robot, controller = network.pair(blocking=True)
     robot.serve_also(local)
     session = controller._session
-    session.get(key("arm", "ask/status"), payload=b"somebody")
+    session.get(key("arm", "ask/status/somebody"))
     session.put(key("arm", "setpoint"), b"", congestion_control=zenoh.CongestionControl.BLOCK)
     assert robot.arrival.wait(PATIENCE_S)  # so the query is there, too
     answer = asked(network, "stop")
@@ -210,3 +203,12 @@ def test_local_requests_come_before_those_of_the_network(local, network):
     assert (second.verb, second.local) == ("status", False)
     first.answer({})
     answer.result(PATIENCE_S)
+
+
+def test_until_a_robot_has_started_its_status_is_answered_and_the_rest_refused():
+    with closing(LocalControl("arm", ENDPOINTS, {"mode": "starting"})) as local:
+        (robot,) = local_robots()
+        assert robot.ask("status")["mode"] == "starting"
+        with pytest.raises(LinkError, match="does not stop: it is starting"):
+            robot.ask("stop")
+        assert list(local.requests()) == []

@@ -9,10 +9,6 @@ from hoap3.protocol.link.base import LockstepLink
 from hoap3.protocol.runtime.clock import VirtualClock
 
 
-def numbers(arrivals) -> list[bytes]:
-    return [payload for _, payload in arrivals]
-
-
 def test_an_answer_arrives_after_the_compute_time():
     clock = VirtualClock(1000)
     link = LockstepLink(lambda state: b"answer to " + state, clock, compute_time=200)
@@ -30,49 +26,6 @@ def test_the_stamp_is_the_arrival_however_late_it_is_drained():
     link.publish(b"1")
     clock.advance(10**9)
     assert link.drain() == [(200_000, b"1")]
-
-
-def test_no_answer_never_arrives():
-    clock = VirtualClock()
-    link = LockstepLink(lambda state: None, clock)
-    link.publish(b"1")
-    clock.advance(10**12)
-    assert link.drain() == []
-
-
-def test_fates_late_never_duplicated_changed_and_reordered():
-    clock = VirtualClock()
-    fates = {
-        b"in time": [(10, b"in time")],
-        b"late": [(1500, b"late")],
-        b"never": [],
-        b"twice": [(10, b"twice"), (20, b"twice again")],
-        b"overtaken": [(250, b"overtaken")],
-        b"overtaking": [(50, b"overtaking")],
-    }
-    link = LockstepLink(lambda state: state, clock, fate=lambda answer: fates[answer])
-    for state in fates:
-        link.publish(state)
-        clock.advance(100)
-    clock.sleep_until(10**6)
-    assert link.drain() == [
-        (10, b"in time"),
-        (310, b"twice"),
-        (320, b"twice again"),
-        (550, b"overtaking"),
-        (650, b"overtaken"),
-        (1600, b"late"),
-    ]
-
-
-def test_answers_of_the_same_arrival_time_keep_the_order_in_which_they_were_sent():
-    clock = VirtualClock()
-    link = LockstepLink(lambda state: state, clock, fate=lambda answer: [(100, answer)] * 2)
-    sent = [b"z", b"a", b"z", b"m", b"a"]
-    for state in sent:
-        link.publish(state)
-    clock.advance(100)
-    assert numbers(link.drain()) == [state for state in sent for _ in range(2)]
 
 
 @given(

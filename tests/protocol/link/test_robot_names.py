@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -17,13 +16,6 @@ from hoap3.protocol.link.zenoh_session import check_unique, key, open_session, r
 from hoap3.protocol.messages import State
 
 INCUMBENT, NEWER, SAME = 1, 2, 3  # sessions
-
-
-@pytest.fixture
-def network() -> Iterator[Network]:
-    made = Network()
-    yield made
-    made.close()
 
 
 def router(network: Network, at: str) -> Any:

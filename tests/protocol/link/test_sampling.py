@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.link.sampling import SAMPLED_TICKS, Sampling
+from hoap3.protocol.link.zenoh_link import SAMPLED_TICKS, Sampling
 from hoap3.protocol.messages import Setpoint, State
 
 

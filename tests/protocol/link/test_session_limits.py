@@ -5,7 +5,6 @@ from __future__ import annotations
 import resource
 import socket
 import threading
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
@@ -27,13 +26,6 @@ from hoap3.protocol.link.zenoh_link import REFUSED_AT_ONCE, WAITING_ANSWERS
 from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session
 
 BLOCK = zenoh.CongestionControl.BLOCK
-
-
-@pytest.fixture
-def network() -> Iterator[Network]:
-    made = Network()
-    yield made
-    made.close()
 
 
 def stranger(network: Network) -> zenoh.Session:
@@ -81,12 +73,12 @@ def test_stop_is_served_before_all_that_came_earlier(network):
     robot, _ = network.pair(blocking=True)
     session = stranger(network)
     for number in range(2 * WAITING_QUERIES):
-        session.get(key("arm", "ask/status"), payload=b"%d" % number)
-    session.get(key("arm", "ask/stop"), payload=b"in need")
+        session.get(key("arm", f"ask/status/{number}"))
+    session.get(key("arm", "ask/stop/in_need"))
     session.put(key("arm", "setpoint"), b"behind them all", congestion_control=BLOCK)
     assert robot.arrival.wait(PATIENCE_S)
     first, *rest = robot.requests()
-    assert (first.verb, first.who) == ("stop", "in need")
+    assert (first.verb, first.who) == ("stop", "in_need")
     assert 0 < len(rest) <= WAITING_QUERIES
     assert {request.verb for request in rest} == {"status"}
 
@@ -104,7 +96,7 @@ def test_queries_that_nobody_serves_hold_up_no_setpoint(network):
     robot, controller = network.pair(blocking=True)
     session = stranger(network)
     for _ in range(20 * WAITING_QUERIES):
-        session.get(key("arm", "ask/status"), payload=b"x")
+        session.get(key("arm", "ask/status/x"))
     session.put(key("arm", "setpoint"), b"behind the queries", congestion_control=BLOCK)
     controller.publish(b"setpoint")
     found: list[bytes] = []
@@ -127,19 +119,19 @@ def test_answers_that_cannot_leave_are_bounded(network, monkeypatch):
     monkeypatch.setattr(
         "hoap3.protocol.link.zenoh_link._reply", lambda *_: robot._receiver.join(PATIENCE_S)
     )
-    session.get(key("arm", "ask/status"), payload=b"x")
+    session.get(key("arm", "ask/status/x"))
     request = eventually(lambda: next(iter(robot.requests()), None), "the request")
     for _ in range(WAITING_ANSWERS + 1):
         request.answer(b"bytes")
     for _ in range(10):
-        session.get(key("arm", "ask/status"), payload=b"x")
+        session.get(key("arm", "ask/status/x"))
     arrived(session, robot)
     assert list(robot.requests()) == []
-    session.get(key("arm", "ask/stop"), payload=b"x")
+    session.get(key("arm", "ask/stop/x"))
     (stop,) = eventually(lambda: list(robot.requests()), "a stop, which is taken all the same")
     for _ in range(WAITING_ANSWERS + 2):
         stop.answer(b"bytes")
-    session.get(key("arm", "ask/stop"), payload=b"x")
+    session.get(key("arm", "ask/stop/x"))
     arrived(session, robot)
     assert list(robot.requests()) == []
 
@@ -154,7 +146,7 @@ def test_a_stop_is_answered_while_nobody_takes_the_other_answers(network, monkey
         reply(query, payload)
 
     monkeypatch.setattr(zenoh_link, "_reply", stuck)
-    session.get(key("arm", "ask/status"), payload=b"x")
+    session.get(key("arm", "ask/status/x"))
     request = eventually(lambda: next(iter(robot.requests()), None), "the request")
     for _ in range(WAITING_ANSWERS + 1):
         request.answer(b"bytes")
@@ -172,8 +164,8 @@ def test_stops_that_are_refused_are_passed_over_at_once_and_all_else_is_not(netw
         follows=lambda _: True, admitted=lambda request: seen.append(request.verb), close=list
     )
     for number in range(2 * REFUSED_AT_ONCE):
-        session.get(key("arm", "ask/status"), payload=b"%d" % number)
-        session.get(key("arm", "ask/stop"), payload=b"%d" % number)
+        session.get(key("arm", f"ask/status/{number}"))
+        session.get(key("arm", f"ask/stop/{number}"))
     session.put(key("arm", "setpoint"), b"behind them all", congestion_control=BLOCK)
     assert robot.arrival.wait(PATIENCE_S)
     for verbs in (["stop"] * 2 * REFUSED_AT_ONCE, *2 * [["status"] * REFUSED_AT_ONCE]):

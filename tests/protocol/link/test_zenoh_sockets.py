@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from loopback import Network, eventually, next_state
+from loopback import eventually, next_state
 
 from hoap3.protocol.link.zenoh_sockets import forbid_lingering, shut_down
 
@@ -33,16 +33,12 @@ def lingers(one: socket.socket) -> bool:
     return bool(struct.unpack("ii", option)[0])
 
 
-def test_neither_side_of_a_link_lingers():
-    network = Network()
-    try:
-        robot, controller = network.pair()
-        robot.publish(b"state")
-        next_state(controller)
-        assert len(connected()) >= 2
-        eventually(lambda: not any(map(lingers, connected())), "that no socket lingers")
-    finally:
-        network.close()
+def test_neither_side_of_a_link_lingers(network):
+    robot, controller = network.pair()
+    robot.publish(b"state")
+    next_state(controller)
+    assert len(connected()) >= 2
+    eventually(lambda: not any(map(lingers, connected())), "that no socket lingers")
 
 
 def test_only_tcp_sockets_that_linger_are_touched():

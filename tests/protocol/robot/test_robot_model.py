@@ -12,24 +12,16 @@ from support.arm3 import URDF, describe, joint
 from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 
+INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
 HEAVY_BASE = URDF.replace(
     '<link name="base"/>',
-    """<link name="base">
-         <inertial>
-           <origin xyz="0.1 0 0"/>
-           <mass value="2"/>
-           <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-         </inertial>
+    f"""<link name="base">
+         <inertial><origin xyz="0.1 0 0"/><mass value="2"/>{INERTIA}</inertial>
        </link>
        <joint name="box_joint" type="fixed">
          <parent link="base"/><child link="box"/><origin xyz="0 0 1"/>
        </joint>
-       <link name="box">
-         <inertial>
-           <mass value="3"/>
-           <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-         </inertial>
-       </link>""",
+       <link name="box"><inertial><mass value="3"/>{INERTIA}</inertial></link>""",
 )
 
 

@@ -59,12 +59,3 @@ def test_the_window_is_100_ticks_and_forgets_what_is_older():
         assert deadlines.success_rate == hits / 100
     assert deadlines.run_rate == 0.5
     assert deadlines.worst_window == 0.0
-
-
-def test_there_is_no_worst_window_before_the_first_is_full():
-    deadlines = Deadlines()
-    for _ in range(99):
-        deadlines.miss(arrived=False)
-    assert deadlines.worst_window is None
-    deadlines.hit()
-    assert deadlines.worst_window == 0.01

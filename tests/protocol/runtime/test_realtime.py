@@ -125,15 +125,6 @@ def test_a_claim_is_exclusive_between_two_processes_and_ends_with_its_holder(loc
     second.communicate()
 
 
-def test_a_claim_is_exclusive_within_a_process_too_until_it_is_released(locks):
-    first = claim_cpu({1})
-    assert claim_cpu({1}) is None
-    first.release()
-    again = claim_cpu({1})
-    assert again.cpu == 1
-    again.release()
-
-
 def test_the_highest_free_cpu_of_those_allowed_is_claimed(locks):
     claims = [claim_cpu({0, 2, 5}) for _ in range(4)]
     assert [claim.cpu if claim else None for claim in claims] == [5, 2, 0, None]
@@ -292,19 +283,9 @@ def test_a_virtual_machine_is_known_by_what_its_processor_says(monkeypatch, tmp_
     assert not virtual_machine()
 
 
-def test_without_a_cpu_of_its_own_a_process_stays_ordinary(monkeypatch):
-    from hoap3.protocol.runtime import realtime
-
-    asked = []
+def test_without_a_cpu_of_its_own_a_process_stays_ordinary(generous, monkeypatch):
     monkeypatch.setattr(realtime, "claim_cpu", lambda: None)
-    monkeypatch.setattr(realtime.os, "sched_setscheduler", lambda *words: asked.append(words))
-    monkeypatch.setattr(realtime.gc, "freeze", lambda: None)
-    monkeypatch.setattr(realtime.gc, "disable", lambda: None)
-    monkeypatch.setattr(realtime.sys, "setswitchinterval", lambda _: None)
-    measures = {
-        measure.name: measure
-        for measure in realtime.prepare_process(RealtimeSettings(lock_memory=False))
-    }
+    measures = {each.name: each for each in prepare_process(RealtimeSettings(lock_memory=False))}
     assert not measures["CPU"].obtained
     assert not measures["scheduling policy"].obtained
-    assert asked == []
+    assert "sched_setscheduler" not in {name for name, *_ in generous}

@@ -10,8 +10,6 @@ import pytest
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.recorder import (
     BlockingRecorder,
-    MemoryRecorder,
-    NoRecorder,
     RingRecorder,
 )
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
@@ -40,22 +38,6 @@ class Reader:
         return True
 
 
-def test_no_recorder_takes_everything_and_keeps_nothing():
-    recorder = NoRecorder()
-    assert recorder.record(Kind.STATE, 1, b"x") is None
-    assert recorder.record(Kind.DESCRIPTION, 1, b"x") is None
-
-
-def test_a_memory_recorder_keeps_everything_in_order():
-    recorder = MemoryRecorder()
-    recorder.record(Kind.STATE, 1, b"a")
-    recorder.record(Kind.DESCRIPTION, 2, bytes(100_000))
-    assert recorder.records == [
-        Record(Kind.STATE, 1, b"a"),
-        Record(Kind.DESCRIPTION, 2, bytes(100_000)),
-    ]
-
-
 def test_a_ring_recorder_writes_and_never_waits(ring):
     recorder = RingRecorder(ring)
     recorder.record(Kind.DESCRIPTION, 0, bytes(10_000))
@@ -74,14 +56,6 @@ def test_a_patient_recorder_waits_for_a_slow_reader_and_drops_nothing(ring):
     assert [record.stamp for record in reader.records] == list(range(100))
     assert ring.dropped == 0
     assert reader.asked == 24  # each time after four slots were full
-
-
-def test_a_patient_recorder_asks_nobody_while_there_is_room(ring):
-    reader = Reader(ring)
-    recorder = BlockingRecorder(ring, reader.alive)
-    for stamp in range(4):
-        recorder.record(Kind.STATE, stamp, b"x")
-    assert reader.asked == 0
 
 
 def test_a_patient_recorder_waits_for_room_for_the_whole_of_a_large_record(ring):

@@ -12,7 +12,7 @@ from support.certificates.laboratory import DAY, laboratory
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.secure.access import Access, read_access
 from hoap3.protocol.secure.credentials import read_credentials
-from hoap3.tools.certs.authority import init, issue
+from hoap3.tools.services.certificates import init, issue
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from support.certificates.laboratory import DAY, laboratory
 
 from hoap3.protocol.secure.credentials import Credentials, read_credentials
 from hoap3.protocol.secure.refusals import why_refused
-from hoap3.tools.certs.authority import init, issue
+from hoap3.tools.services.certificates import init, issue
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from setpoint_attacks import Attacked, N, T, greedy, jitter, jumps, noise, random_limits
 
+from hoap3.protocol.limits.jerk_limits import kept_acceleration
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
 from hoap3.robot_emulator.filters.jerk_block_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 

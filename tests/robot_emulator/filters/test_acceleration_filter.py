@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from support.strong_arms import small, strong
+from support.strong_arms import changed, small, strong
 
-from hoap3.protocol.description import CommandKind, RobotDescription
-from hoap3.protocol.robot.viability_bounds import acceleration_bounds
+from hoap3.protocol.limits.viability_bounds import acceleration_bounds
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.acceleration import REST, TORQUE_MARGIN, AccelerationFilter
 from hoap3.robot_emulator.plant_factory import build_body
@@ -185,25 +185,9 @@ def test_a_stop_goes_in_a_straight_line_at_the_braking_limit_of_one(kind: Comman
     assert np.abs(body.dq).max() <= 1e-3
 
 
-def test_a_robot_that_nobody_has_commanded_yet_stays_where_it_is():
-    for kind, gravity in (("acceleration", "full"), ("torque", "full"), ("torque", "compensated")):
-        description = strong(kind, gravity)  # type: ignore[arg-type]
-        body, setpoint_filter = filtered(description)
-        for _ in range(500):
-            setpoint_filter.hold()
-            body.step(setpoint_filter.value, T)
-        np.testing.assert_allclose(body.q, description.initial_position, atol=1e-9)
-
-
 def test_efforts_that_are_too_small_are_counted_and_name_the_joint():
     """Gravity pulls the elbow down, past what its motor can hold."""
-    arm = small("torque")
-    efforts = (20.0, 0.5, 20.0)
-    joints = [
-        joint.model_copy(update={"effort": effort})
-        for joint, effort in zip(arm.joints, efforts, strict=True)
-    ]
-    body, setpoint_filter = filtered(arm.model_copy(update={"joints": tuple(joints)}))
+    body, setpoint_filter = filtered(changed(small("torque"), effort=(20.0, 0.5, 20.0)))
     for tick in range(2000):
         setpoint_filter.follow(np.zeros(3), tick)
         body.step(setpoint_filter.value, T)
@@ -245,9 +229,8 @@ def test_where_one_joint_lacks_efforts_the_others_keep_their_limits(seed: int, a
 
 
 def test_a_joint_lacks_efforts_only_while_it_does():
-    description = small("torque", "none")
-    joints = [joint.model_copy(update={"effort": 0.5}) for joint in description.joints]
-    body, setpoint_filter = filtered(description.model_copy(update={"joints": tuple(joints)}))
+    description = changed(small("torque", "none"), effort=0.5)
+    body, setpoint_filter = filtered(description)
     body.dq[1] = 3.0  # too fast
     setpoint_filter.follow(np.zeros(3), 0)
     assert setpoint_filter.overloaded == 1
@@ -257,9 +240,7 @@ def test_a_joint_lacks_efforts_only_while_it_does():
 
 
 def test_a_torque_beyond_the_efforts_is_an_intervention_though_what_it_does_is_allowed():
-    arm = small("torque", "none")
-    joints = [joint.model_copy(update={"effort": 1e-3}) for joint in arm.joints]
-    _, setpoint_filter = filtered(arm.model_copy(update={"joints": tuple(joints)}))
+    _, setpoint_filter = filtered(changed(small("torque", "none"), effort=1e-3))
     assert setpoint_filter.follow(np.array([0.0, 1e-3 * (1.0 + 1e-12), 0.0]), 0) == -1
     assert setpoint_filter.follow(np.array([0.0, 1.1e-3, 0.0]), 0) == 1
     assert (setpoint_filter.interventions, setpoint_filter.torque_limited) == (1, 0)
@@ -313,10 +294,8 @@ def test_what_has_come_in_does_not_go_out_again_under_the_next_one_who_commands(
 
 @pytest.mark.parametrize("kind", ["acceleration", "torque"])
 def test_a_brake_stronger_than_what_setpoints_may_is_used_as_far_as_they_may(kind: CommandKind):
-    arm = small(kind, "compensated")
-    changes = {"brake_acceleration": 20.0, "setpoint_acceleration_max": 5.0, "effort": 1e3}
-    joints = tuple(joint.model_copy(update=changes) for joint in arm.joints)
-    body, setpoint_filter = filtered(arm.model_copy(update={"joints": joints}))
+    limits = {"brake_acceleration": 20.0, "setpoint_acceleration_max": 5.0, "effort": 1e3}
+    body, setpoint_filter = filtered(changed(small(kind, "compensated"), **limits))
     push = command_for(body, np.full(3, 15.0))
     for tick in range(100):
         setpoint_filter.follow(push, tick)

@@ -1,21 +1,16 @@
-"""Which limit held a joint back, and how people read it."""
+"""Which limit held a joint back."""
 
 from __future__ import annotations
-
-import json
 
 import numpy as np
 import pytest
 from support.small_arm import arm
+from support.strong_arms import changed
 
 from hoap3.protocol.messages import Event
-from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.robot_emulator.filters.acceleration import AccelerationFilter, FreeBaseFilter
 from hoap3.robot_emulator.filters.jerk import JerkFilter
 from hoap3.robot_emulator.filters.position import PositionFilter
-from hoap3.robot_emulator.loop import LIMIT_SHIFT
-from hoap3.tools.services.monitoring.reporter import Reporter
-from hoap3.tools.show.event_words import in_words
 
 EVENTS = Event.schema.constants
 LIMITS = {value: name for name, value in EVENTS.items() if name.startswith("LIMIT_")}
@@ -24,10 +19,8 @@ TICKS = np.arange(4000) * T
 
 
 def robot(jerk: float = np.inf):
-    found = arm()
-    change = {"velocity": SPEED, "setpoint_acceleration_max": A, "setpoint_jerk_max": jerk}
-    joints = tuple(joint.model_copy(update=change) for joint in found.joints)
-    return found.model_copy(update={"joints": joints})
+    limits = {"velocity": SPEED, "setpoint_acceleration_max": A, "setpoint_jerk_max": jerk}
+    return changed(arm(), **limits)
 
 
 def first_held(kind, description, offsets, joint=1):
@@ -111,35 +104,3 @@ def test_torques_beyond_the_effort_are_cut_by_the_limit_of_torque():
     guard = FreeBaseFilter(robot(), Body(0.0, 0.0), 5, None)
     assert guard.follow(np.array([0.0, 11.0, 0.0]), 0) == 1
     assert LIMITS[guard.limit_of(1)] == "LIMIT_TORQUE"
-
-
-def event(kind: str, detail: int) -> Event:
-    found = Event()
-    found.kind, found.detail, found.tick = EVENTS[kind], detail, 7
-    return found
-
-
-JOINTS = arm().joint_names
-
-
-@pytest.mark.parametrize(
-    ("kind", "detail", "words"),
-    [
-        ("CLIPPED", 1, "elbow"),  # old logs
-        ("CLIPPED", 2 + (EVENTS["LIMIT_SPEED"] << LIMIT_SHIFT), "wrist: speed limit"),
-        ("CLIPPED", 0 + (EVENTS["LIMIT_JERK"] << LIMIT_SHIFT), "shoulder: jerk limit"),
-        ("CLIPPED", 3 + (99 << LIMIT_SHIFT), "joint 3"),
-        ("TORQUE_LIMITED", 1, "elbow: torque limit"),
-    ],
-)
-def test_events_name_joints_and_limits(kind, detail, words, capsys, tmp_path):
-    found = event(kind, detail)
-    assert in_words(found.kind, detail, JOINTS) == words
-    news: list = []
-    reporter = Reporter(None, "robot", "arm")
-    reporter.send = lambda name, content: news.append(content)
-    reporter.description(Record(Kind.DESCRIPTION, 0, arm().to_json()))
-    reporter.event(Record(Kind.EVENT, 0, found.dump()))
-    assert words in news[0]["text"]
-    assert json.dumps(news[0])
-    assert words in capsys.readouterr().err

@@ -16,38 +16,6 @@ from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-@pytest.mark.parametrize("name", JERK_ATTACKS)
-@settings(max_examples=5)
-@given(seed=SEEDS)
-def test_no_attack_moves_it_beyond_a_limit(name, seed):
-    robot = JerkAttacked(seed)
-    for step in range(2000):
-        robot.ask(JERK_ATTACKS[name](robot, step))
-    robot.check()
-    assert robot.held > 0  # it was one
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", JERK_ATTACKS)
-def test_not_in_a_million_cycles_either(name):
-    for seed in range(100):
-        robot = JerkAttacked(seed)
-        for step in range(10_000):
-            robot.ask(JERK_ATTACKS[name](robot, step))
-        robot.check()
-
-
-@pytest.mark.parametrize("far", [np.inf, 1.7e308, 1e200])
-@pytest.mark.parametrize("name", ["noise", "greedy", "near_the_stop", "extremes"])
-def test_walls_at_infinity_are_none(name, far):
-    limits = np.array([np.full(N, limit) for limit in (-far, far, 4.0, 1000.0)])
-    limits[1, :3] = 2.0  # for some joints on one side only
-    robot = JerkAttacked(5, limits, np.full(N, 1e5), start=np.linspace(-1.0, 1.0, N))
-    for step in range(1500):
-        robot.ask(JERK_ATTACKS[name](robot, step))
-    robot.check()
-
-
 @settings(max_examples=15)
 @given(seed=SEEDS, ease=st.floats(0.05, 0.999))
 def test_a_wave_within_the_limits_passes_bit_by_bit(seed, ease):
@@ -110,21 +78,6 @@ def test_a_jump_is_reached_in_ruckigs_time_and_never_passed(seed):
     np.testing.assert_array_equal(robot.value[judged], goal[judged])  # and stays there
     passed = (np.array(robot.places) - goal) * np.sign(goal - start)
     assert np.all(passed[:, judged] <= 0.0)
-
-
-def test_a_step_takes_as_long_as_its_sum_of_periods():
-    """4 JT³ n³ further, 4n periods: n up, n down, n on, n up of the acceleration, by JT each."""
-    J, n = 1000.0, 40
-    limits = np.array([np.full(N, limit) for limit in (-2.0, 2.0, 1e3, 1e4)])
-    robot = JerkAttacked(1, limits, np.full(N, J), np.zeros(N))
-    goal = np.full(N, 2.0 * n**3 * J * T**3)
-    ticks = 0
-    while not np.array_equal(robot.value, goal):
-        robot.ask(goal)
-        ticks += 1
-    assert ticks <= 4 * n + 1
-    assert np.max(robot.accelerations) == pytest.approx(n * J * T, rel=0.05)
-    robot.check()
 
 
 @settings(max_examples=10)

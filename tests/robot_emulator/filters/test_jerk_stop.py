@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.small_arm import arm
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.filters.jerk import JerkFilter, jerk_notes, limits_jerk
 from hoap3.robot_emulator.filters.position import PositionFilter
 

@@ -6,30 +6,34 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from jerk_attacks import JERK_ATTACKS, JerkAttacked
 from setpoint_attacks import ATTACKS, Attacked, N, T
 
 SEEDS = st.integers(0, 2**32 - 1)
 PLAIN = np.array([np.full(N, limit) for limit in (-2.0, 2.0, 4.0, 1000.0)])
+ALL_ATTACKS = [(Attacked, attack) for attack in ATTACKS.values()]
+ALL_ATTACKS += [(JerkAttacked, attack) for attack in JERK_ATTACKS.values()]
+attacked = pytest.mark.parametrize(("kind", "attack"), ALL_ATTACKS)
 
 
-@pytest.mark.parametrize("name", ATTACKS)
+@attacked
 @settings(max_examples=8)
 @given(seed=SEEDS)
-def test_no_attack_moves_it_beyond_a_limit(name, seed):
-    robot = Attacked(seed)
+def test_no_attack_moves_it_beyond_a_limit(kind, attack, seed):
+    robot = kind(seed)
     for step in range(1500):
-        robot.ask(ATTACKS[name](robot, step))
+        robot.ask(attack(robot, step))
     robot.check()
     assert robot.held > 0  # it was one
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ATTACKS)
-def test_not_in_a_million_cycles_either(name):
+@attacked
+def test_not_in_a_million_cycles_either(kind, attack):
     for seed in range(100):
-        robot = Attacked(seed)
+        robot = kind(seed)
         for step in range(10_000):
-            robot.ask(ATTACKS[name](robot, step))
+            robot.ask(attack(robot, step))
         robot.check()
 
 
@@ -103,21 +107,6 @@ def test_a_jump_is_reached_in_the_least_time_and_never_passed(seed):
     assert np.all(passed <= 0.0)
 
 
-def test_a_step_of_half_a_radian_takes_the_least_time():
-    A = 12.0
-    robot = Attacked(1, np.array([np.full(N, limit) for limit in (-2.0, 2.0, 1e3, A)]))
-    goal = robot.value + np.where(robot.value < 0.0, 0.5, -0.5)
-    ticks = 0
-    while not np.array_equal(robot.value, goal):
-        robot.ask(goal)
-        ticks += 1
-    # as far as it gets in so many: AT² (1 + 2 + … + 2 + 1); in continuous time it is 2√(D/A)
-    assert ((ticks + 1) // 2) * (ticks // 2 + 1) * A * T**2 > 0.5
-    assert (ticks // 2) * ((ticks + 1) // 2) * A * T**2 < 0.5
-    assert ticks == int(2.0 * np.sqrt(0.5 / A) / T) == 408
-    robot.check()
-
-
 @settings(max_examples=20)
 @given(seed=SEEDS)
 def test_it_catches_up_with_a_motion_and_then_follows_it(seed):
@@ -144,21 +133,27 @@ def test_where_the_setpoint_is_no_number_it_comes_to_rest_and_stays(seed):
     robot.check()
 
 
+def walls(far: float) -> np.ndarray:
+    """Limits of joints, some of which have a wall on one side only."""
+    limits = np.array([np.full(N, limit) for limit in (-far, far, 4.0, 1000.0)])
+    limits[1, :3] = 2.0
+    return limits
+
+
+@pytest.mark.parametrize("far", [np.inf, 1.7e308, 1e200])
+@pytest.mark.parametrize("name", ["noise", "greedy", "near_the_stop", "extremes"])
+def test_walls_at_infinity_are_no_limits_of_a_joint_with_a_limit_of_jerk(name, far):
+    robot = JerkAttacked(5, walls(far), np.full(N, 1e5), start=np.linspace(-1.0, 1.0, N))
+    for step in range(1500):
+        robot.ask(JERK_ATTACKS[name](robot, step))
+    robot.check()
+
+
 @pytest.mark.parametrize("far", [np.inf, 1.7e308, 1e200])
 @pytest.mark.parametrize("name", ["noise", "greedy", "silence", "at_the_limit"])
 def test_walls_at_infinity_are_none_and_speed_is_limited_all_the_same(name, far):
-    limits = np.array([np.full(N, limit) for limit in (-far, far, 4.0, 1000.0)])
-    limits[1, :3] = 2.0  # for some joints on one side only
-    robot = Attacked(5, limits, start=np.linspace(-1.0, 1.0, N))
+    robot = Attacked(5, walls(far), start=np.linspace(-1.0, 1.0, N))
     for step in range(3000):
         robot.ask(ATTACKS[name](robot, step))
     robot.check()
     assert np.abs(robot.velocities).max() == pytest.approx(4.0)
-
-
-def test_the_joint_that_is_held_back_is_named():
-    robot = Attacked(1, PLAIN)
-    asked = robot.value.copy()
-    assert robot.ask(asked) == -1
-    asked[3] = 3.0
-    assert robot.ask(asked) == 3

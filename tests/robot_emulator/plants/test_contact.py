@@ -14,7 +14,6 @@ from hoap3.robot_emulator.plants.contact_kernels import CREEP
 
 pytestmark = pytest.mark.slow
 
-G = 9.81
 BOUNCY = {"stiffness_n_m": 2e4, "damping_n_s_m": 20.0}
 numbers = st.floats(-1.0, 1.0)
 directions = st.tuples(numbers, numbers, numbers).filter(lambda v: np.linalg.norm(v) > 0.1)
@@ -22,17 +21,6 @@ directions = st.tuples(numbers, numbers, numbers).filter(lambda v: np.linalg.nor
 
 def logarithmic(least: float, most: float) -> st.SearchStrategy[float]:
     return st.floats(np.log10(least), np.log10(most)).map(lambda x: float(10.0**x))
-
-
-def test_a_mass_at_rest_is_as_deep_as_its_weight_over_the_stiffness():
-    body = touching(guided("z", [2.0], "full"), floor("z_slide", stiffness_n_m=2e4))
-    for _ in range(3000):
-        body.step(np.zeros(1), T)
-    assert body.q[0] == pytest.approx(-2.0 * G / 2e4, rel=1e-9)
-    np.testing.assert_allclose(body.wrench[:6], [0, 0, 2.0 * G, 0, 0, 0], rtol=1e-9, atol=1e-9)
-    weightless = touching(guided("z", [2.0], "none"), floor("z_slide"))
-    weightless.step(np.zeros(1), T)
-    assert weightless.q[0] == 0.0
 
 
 def spring_and_damper(mass: float, speed: float, stiffness: float, damping: float):
@@ -126,23 +114,6 @@ def test_nothing_leaves_faster_than_it_came_however_light_and_stiff(
         body.step(np.zeros(3), T)
     energy = 0.5 * inertia @ body.dq**2
     assert energy <= before * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize(("friction", "slides"), [(0.7, False), (0.4, True)])
-def test_on_a_slope_of_30_degrees_the_coefficient_decides(friction, slides):
-    down = np.array([np.cos(np.pi / 6), 0.0, -0.5])
-    normal = (0.5, 0.0, float(np.cos(np.pi / 6)))
-    slope = {"frame": "z_slide", "point_m": (0.0, 0.0, 0.0), "normal": normal}
-    body = touching(guided("xyz", [1e-9, 1e-9, 1.0], "full"), {**slope, "friction": friction})
-    seconds = 0.5
-    for _ in range(round(seconds / T)):
-        body.step(np.zeros(3), T)
-    speed = body.dq @ down
-    due = seconds * G * (0.5 - friction * np.cos(np.pi / 6))
-    if slides:
-        assert speed == pytest.approx(due, rel=0.02)
-    else:
-        assert 0.0 < speed <= CREEP * 0.5 / (friction * np.cos(np.pi / 6)) * 1.01
 
 
 CONTACTS = (
@@ -262,19 +233,6 @@ def test_a_robot_that_touches_nothing_moves_as_one_without_planes():
         near.step(np.full(7, 0.5), T)
     np.testing.assert_array_equal(near.q, free.q)
     assert not near.wrench.any()
-
-
-def test_four_corners_of_a_plate_share_its_weight():
-    corners = [
-        floor("z_slide", offset_m=(x, y, 0.0), stiffness_n_m=1e5)
-        for x in (-0.1, 0.1)
-        for y in (-0.05, 0.05)
-    ]
-    body = touching(guided("z", [4.0], "full"), *corners)
-    for _ in range(3000):
-        body.step(np.zeros(1), T)
-    assert body.q[0] == pytest.approx(-4.0 * G / 4e5, rel=1e-9)
-    np.testing.assert_allclose(body.wrench[:6], [0, 0, 4.0 * G, 0, 0, 0], rtol=1e-9, atol=1e-9)
 
 
 def test_many_planes_at_once_give_nothing_more_back_than_they_took():

@@ -75,12 +75,10 @@ def test_an_unknown_name_has_the_nearest_one():
             {"plant": {"kind": "mujoco", "parameters": {"kp": {"link_9": 1.0}}}},
             "plant.parameters.kp",
         ),
-        ({"plant": {"kind": "mujoco", "parameters": {"kv": 0.0}}}, "plant.parameters.kv"),
         (
             {"plant": {"kind": "mujoco", "parameters": {"kv": {"joint_2": 0.0}}}},
             "plant.parameters.kv.joint_2",
         ),
-        ({"plant": {"kind": "mujoco", "parameters": {"kp": 0.0}}}, "plant.parameters.kp"),
         (
             {"plant": {"kind": "mujoco", "parameters": {"imu_frames": ["hand"]}}},
             "plant.parameters.imu_frames.0",

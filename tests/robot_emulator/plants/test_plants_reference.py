@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.robot_emulator.plants import contact_kernels, motion_kernels
 from hoap3.robot_emulator.plants import plants_reference as plain
 
-SEEDS = [range(300), pytest.param(range(300, 5300), marks=pytest.mark.slow)]
-many = pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+SEEDS = seed_ranges(300, 1100, 5300)
+many = pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 
 
 def near(found: np.ndarray, expected: np.ndarray, factor: float = 1.0) -> None:
@@ -29,12 +30,9 @@ def test_joints_move_by_constant_accelerations_and_by_euler(seeds):
         n, dt = int(rng.integers(1, 9)), 10.0 ** rng.uniform(-3, -1)
         q, dq, ddq = rng.normal(size=(3, n)) * [[1.0], [3.0], [30.0]]
         lower, upper = -rng.random(n), rng.random(n)
-        for kernel, reference in (
-            (motion_kernels.accelerate, plain.accelerated),
-            (motion_kernels.advance, plain.advanced),
-        ):
+        for exact, reference in ((True, plain.accelerated), (False, plain.advanced)):
             place, speed = q.copy(), dq.copy()
-            kernel(ddq, dt, lower, upper, place, speed)
+            motion_kernels.advance(ddq, dt, exact, lower, upper, place, speed)
             expected = reference(q, dq, ddq, dt, lower, upper)
             near(place, expected[0])
             near(speed, expected[1])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.strong_arms import small, strong
+from support.strong_arms import changed, small, strong
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
@@ -92,16 +92,14 @@ def test_a_rotor_adds_its_inertia_to_its_own_joint():
     import pinocchio as pin
 
     light = small("torque")
-    joints = tuple(joint.model_copy(update={"armature": 0.3}) for joint in light.joints)
-    heavy = light.model_copy(update={"joints": joints})
-    dynamics, q = Dynamics(heavy), light.initial_position
+    dynamics, q = Dynamics(changed(light, armature=0.3)), light.initial_position
     robot = Dynamics(light).robot
     M = pin.crba(robot.model, robot.data, q)
     M = np.triu(M) + np.triu(M, 1).T + 0.3 * np.eye(3)
     found, still, pushed = np.zeros(3), np.zeros(3), np.array([1.0, -2.0, 0.5])
     weight = np.zeros(3)
     dynamics.gravity(q, weight)
-    dynamics.forward(q, still, pushed + weight, found)
+    dynamics.forward(q, still, pushed + weight, still, found)
     np.testing.assert_allclose(found, np.linalg.solve(M, pushed), rtol=1e-12)
 
 
@@ -127,9 +125,7 @@ def test_torques_beyond_the_efforts_are_the_efforts():
 
 
 def test_compensation_is_within_the_efforts_too():
-    arm = small("torque", "compensated")
-    joints = tuple(joint.model_copy(update={"effort": 1.0}) for joint in arm.joints)
-    weak = body(arm.model_copy(update={"joints": joints}))
+    weak = body(changed(small("torque", "compensated"), effort=1.0))
     weak.step(np.zeros(3), T)
     assert np.abs(weak.tau).max() == 1.0
     assert weak.dq[1] > 0.0  # it falls
@@ -190,8 +186,7 @@ def test_a_joint_that_moves_nothing_that_weighs_is_refused():
     light = arm.urdf.replace(inertia, none).replace('<mass value="0.4"/>', '<mass value="0"/>')
     with pytest.raises(DescriptionError, match="'wrist': under torques it moves nothing"):
         body(arm.model_copy(update={"urdf": light}))
-    joints = [joint.model_copy(update={"armature": 1e-3}) for joint in arm.joints]
-    body(arm.model_copy(update={"urdf": light, "joints": tuple(joints)}))
+    body(changed(arm, armature=1e-3).model_copy(update={"urdf": light}))
 
 
 @pytest.mark.parametrize("gravity", ["full", "compensated"])

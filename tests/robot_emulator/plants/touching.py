@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from support.arm3 import joint
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.rigid_body import RigidBody
 from hoap3.robot_emulator.robots import load

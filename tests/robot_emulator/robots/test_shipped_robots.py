@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from support import HOUSE
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 from hoap3.robot_emulator.robots import available, load
 from hoap3.testing import RobotProperties
@@ -72,21 +70,6 @@ def random_postures(name: str, count: int) -> np.ndarray:
     return rng.uniform(robot(name).lower, robot(name).upper, (count, robot(name).n))
 
 
-def test_the_page_of_robots_has_them_all():
-    page = HOUSE / "docs" / "robots.md"
-    row = re.compile(r"\| (`[a-z0-9_`, ]+`) \| ([0-9]+) \| ([0-9.]+) kg \|.*\| ([a-z, ]+) \|")
-    told = {}
-    for names, n, mass, kinds in row.findall(page.read_text(encoding="utf-8")):
-        for name in re.findall("[a-z0-9_]+", names):
-            told[name] = (int(n), float(mass), tuple(kinds.replace("s", "").split(", ")))
-    found = {}
-    for name in available():
-        moving = model(name).total_mass - model(name).root_mass
-        kinds = tuple(kind.replace("s", "") for kind in robot(name).command_kinds)
-        found[name] = (robot(name).n, round(moving, 1), kinds)
-    assert told == found
-
-
 class TestShipped(RobotProperties):
     cases = tuple(available())
 
@@ -112,26 +95,6 @@ def test_every_link_that_weighs_has_a_shape_to_draw_and_to_collide(name):
             assert len(link.findall(use)) == (link.find("inertial") is not None)
 
 
-@every
-def test_the_mass_matrix_is_positive_definite(name):
-    built = model(name)
-    for q in random_postures(name, 100):
-        M = pin.crba(built.model, built.data, in_pinocchios_order(name, q))
-        M = np.triu(M) + np.triu(M, 1).T
-        assert np.linalg.eigvalsh(M)[0] > 1e-5
-
-
-@every
-def test_the_model_has_what_joints_resist_in_wire_order(name):
-    order = model(name).order
-    np.testing.assert_array_equal(model(name).model.armature[order], robot(name).armature)
-    np.testing.assert_array_equal(
-        model(name).model.upperEffortLimit[order], [joint.effort for joint in robot(name).joints]
-    )
-    assert np.all(model(name).model.damping >= 0.0)
-    assert np.all(model(name).model.friction >= 0.0)
-
-
 @dynamic
 def test_it_starts_away_from_limits_and_singularities_and_can_hold_itself(name):
     q = robot(name).initial_position
@@ -143,14 +106,6 @@ def test_it_starts_away_from_limits_and_singularities_and_can_hold_itself(name):
         there = in_pinocchios_order(name, q)
         J = pin.computeFrameJacobian(built.model, built.data, there, built.frame_id(tip))
         assert np.linalg.svd(J, compute_uv=False)[-1] > 0.05
-
-
-@dynamic
-def test_a_step_of_the_robot_is_within_its_speed(name):
-    """Condition (11) holds for the period."""
-    described = robot(name)
-    step = described.period_s * described.setpoint_acceleration_max
-    assert np.all(step <= described.velocity)
 
 
 def test_the_ur5_is_that_of_its_published_table():
@@ -194,22 +149,6 @@ def test_baxters_arms_are_those_of_their_data_sheet(side, sign):
         there = placed(name, f"{side}_gripper", q)
         np.testing.assert_allclose(there[:3, 3], T[:3, 3], rtol=0, atol=1e-10)
         np.testing.assert_allclose(there[:3, :3] @ Z, T[:3, :3] @ Z, rtol=0, atol=1e-10)
-
-
-def test_baxters_arms_are_mirror_images():
-    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
-    signs = np.array([-1, 1, -1, 1, -1, 1, -1])
-    for q in random_postures("baxter_left_arm", 20):
-        left = placed("baxter_left_arm", "left_gripper", q)[:, 3]
-        right = placed("baxter_right_arm", "right_gripper", signs * q)[:, 3]
-        np.testing.assert_allclose(mirror @ left, right, rtol=0, atol=1e-10)
-
-
-def test_baxters_s1_cannot_hold_every_posture():
-    """As its torque limit says: the springs of the robot are not in the model."""
-    postures = random_postures("baxter_left_arm", 5000)
-    worst = max(abs(gravity("baxter_left_arm", q)[1]) for q in postures)
-    assert 50.0 < worst < 58.0
 
 
 def test_the_humanoid_weighs_and_measures_what_the_table_of_men_says():

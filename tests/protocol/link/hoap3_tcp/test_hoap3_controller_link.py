@@ -10,17 +10,16 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from hoap3_sockets import KINDS, PATIENCE_S, cut, taken
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.link.hoap3_tcp import controller_link
 from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
-from hoap3.protocol.messages import State
 from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")
 START = HOAP3.initial_position
-PATIENCE_S = 20.0
 CUTS = ("close", "reset", "half")
 
 
@@ -59,28 +58,10 @@ class OtherRobot:
         return client.recv(self.frames.size, socket.MSG_WAITALL)
 
 
-@pytest.fixture(params=[(order, slots) for order in ("paper", "legacy") for slots in (21, 22)])
+@pytest.fixture(params=KINDS)
 def robot(request: pytest.FixtureRequest) -> Iterator[OtherRobot]:
     with closing(OtherRobot(*request.param)) as made:
         yield made
-
-
-def cut(connection: socket.socket, end: str) -> None:
-    if end == "half":
-        connection.shutdown(socket.SHUT_WR)
-    elif end == "reset":
-        linger = struct.pack("ii", 1, 0)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
-    if end != "half":
-        connection.close()
-
-
-def seen(link: Hoap3ControllerLink) -> State:
-    arrival = link.wait()
-    assert arrival is not None
-    state = State(HOAP3.n)
-    state.load(arrival[1])
-    return state
 
 
 @pytest.mark.parametrize("end", CUTS)
@@ -98,7 +79,7 @@ def test_it_survives_a_robot_that_is_cut_off_at_any_byte_of_a_frame(
             assert not link.presence.is_set()
         with robot.follow(link) as client:
             client.sendall(robot.frames.pack(START))
-            assert np.allclose(seen(link).q, START, atol=1e-4)
+            assert np.allclose(taken(link).q, START, atol=1e-4)
         assert link.departures == robot.frames.size
 
 

@@ -11,6 +11,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from hoap3_sockets import KINDS, PATIENCE_S, cut, taken
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.errors import PortInUseError
@@ -23,9 +24,6 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")
-PATIENCE_S = 20.0
-ORDERS = ("paper", "legacy")
-SLOTS = (21, 22)
 
 
 class Robot:
@@ -39,6 +37,22 @@ class Robot:
         self.state = State(HOAP3.n)
         self.state.session_id, self.state.epoch, self.state.mode = 7, 3, State.ACTIVE
         self.requests: list[Request] = []
+
+        self.close = self.link.close
+
+    def controller(self) -> Hoap3ControllerLink:
+        """Our controller's end."""
+        ports = dict(zip(("init_port", "control_port"), self.link.ports, strict=True))
+        return Hoap3ControllerLink(HOAP3, self.settings.model_copy(update=ports), "law")
+
+    def engaged(self) -> Hoap3ControllerLink:
+        """Our controller's end, connected and granted."""
+        link = self.controller()
+        assert link.ask("description") == HOAP3.to_json()
+        assert link.ask("status") is not None
+        assert link.ask("acquire") is not None
+        self.hear("acquire").answer({"granted": True})
+        return link
 
     def client(self, cycle: float = 1, check: float = 10, room: int = 0) -> socket.socket:
         """A client that is followed; `room` [bytes] is for what it has not read."""
@@ -74,6 +88,12 @@ class Robot:
         self.state.q[:] = 0.0 if q is None else q
         self.link.publish(self.state.dump())
 
+    def serve(self, client: socket.socket, tick: int) -> None:
+        """One exchange of a client that is followed."""
+        self.publish(tick)
+        client.sendall(self.frames.pack(HOAP3.initial_position))
+        assert self.answers(1)[-1].tick == tick
+
     def answers(self, count: int) -> list[Setpoint]:
         """So many answers, which arrive in time."""
         found: list[Setpoint] = []
@@ -97,18 +117,16 @@ class Robot:
             self.link.arrival.clear()
 
 
-@pytest.fixture(params=[(order, slots) for order in ORDERS for slots in SLOTS])
+@pytest.fixture(params=KINDS)
 def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
-    made = Robot(*request.param)
-    yield made
-    made.link.close()
+    with closing(Robot(*request.param)) as made:
+        yield made
 
 
 @pytest.fixture
 def paper() -> Iterator[Robot]:
-    made = Robot()
-    yield made
-    made.link.close()
+    with closing(Robot()) as made:
+        yield made
 
 
 def read(client: socket.socket, size: int) -> bytes:
@@ -142,7 +160,7 @@ def test_each_frame_answers_the_state_that_was_sent_before_it(robot: Robot) -> N
 
 def test_a_client_that_speaks_first_is_sent_nothing_before() -> None:
     robot = Robot("legacy")
-    with closing(robot.link), robot.client() as client:
+    with closing(robot), robot.client() as client:
         robot.publish(1)
         client.sendall(robot.frames.pack(HOAP3.initial_position))
         robot.until(lambda: robot.link._client.received == 1)
@@ -160,9 +178,7 @@ def test_states_for_which_the_fifo_has_no_room_are_counted_and_no_others(paper: 
             read(client, paper.frames.size)
         client.sendall(FIFO * paper.frames.pack(HOAP3.initial_position))
         assert [answer.tick for answer in paper.answers(FIFO)] == list(range(FIFO))
-        paper.publish(20)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert [answer.tick for answer in paper.answers(1)] == [20]
+        paper.serve(client, 20)
     assert paper.link.counts()["overruns"] == 3
 
 
@@ -210,9 +226,7 @@ def test_frames_of_no_use_are_counted(paper: Robot) -> None:
         paper.publish(1)
         client.sendall(struct.pack("<21d", *[float("nan")] * 21))
         paper.until(lambda: paper.link.counts()["not_finite"] == 1)
-        paper.publish(2)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert paper.answers(1)[0].tick == 2
+        paper.serve(client, 2)
 
 
 def test_a_second_client_is_sent_away_at_once(paper: Robot) -> None:
@@ -221,9 +235,7 @@ def test_a_second_client_is_sent_away_at_once(paper: Robot) -> None:
             with socket.create_connection(("127.0.0.1", port)) as second:
                 second.settimeout(PATIENCE_S)
                 assert second.recv(1) == b""
-        paper.publish(1)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert paper.answers(1)[0].tick == 1
+        paper.serve(client, 1)
     assert paper.link.counts()["refused"] == 2
 
 
@@ -258,20 +270,8 @@ def test_a_connection_that_is_cut_anywhere_is_survived(end: str, paper: Robot) -
             assert paper.hear("gone").who == f"hoap3_tcp-{sent + 1}"
     paper.link.drain()
     with paper.client() as client:
-        paper.publish(1000)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert paper.answers(1)[-1].tick == 1000
+        paper.serve(client, 1000)
     assert paper.link.counts()["refused"] == 16
-
-
-def cut(connection: socket.socket, end: str) -> None:
-    if end == "reset":
-        linger = struct.pack("ii", 1, 0)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
-    if end == "half":
-        connection.shutdown(socket.SHUT_WR)
-    else:
-        connection.close()
 
 
 @pytest.mark.parametrize("end", ["close", "wait"])
@@ -329,7 +329,7 @@ def test_frames_that_are_too_short_are_named(paper: Robot, monkeypatch: pytest.M
 def test_two_ends_that_wait_for_each_other_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client_connection, "DOUBT_S", 0.05)
     robot = Robot("legacy")
-    with closing(robot.link), robot.client():
+    with closing(robot), robot.client():
         robot.publish(1)
         robot.until(lambda: any("link.hoap3_tcp.order" in text for text in robot.said))
 
@@ -338,9 +338,7 @@ def test_a_client_that_speaks_first_where_it_should_not_is_named(paper: Robot) -
     with paper.client() as client:
         client.sendall(paper.frames.pack(HOAP3.initial_position))
         paper.until(lambda: any("link.hoap3_tcp.order" in text for text in paper.said))
-        paper.publish(1)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert paper.answers(1)[0].tick == 1
+        paper.serve(client, 1)
 
 
 def test_a_robot_that_follows_no_more_ends_the_connection(paper: Robot) -> None:
@@ -366,28 +364,9 @@ def test_a_port_in_use_is_named(paper: Robot) -> None:
         Hoap3RobotLink(HOAP3, taken, paper.said.append)
 
 
-def engaged(robot: Robot) -> Hoap3ControllerLink:
-    """Our controller's end, connected and granted."""
-    ports = dict(zip(("init_port", "control_port"), robot.link.ports, strict=True))
-    link = Hoap3ControllerLink(HOAP3, robot.settings.model_copy(update=ports), "law")
-    assert link.ask("description") == HOAP3.to_json()
-    assert link.ask("status") is not None
-    assert link.ask("acquire") is not None
-    robot.hear("acquire").answer({"granted": True})
-    return link
-
-
-def taken(link: Hoap3ControllerLink) -> State:
-    arrival = link.wait()
-    assert arrival is not None
-    state = State(HOAP3.n)
-    state.load(arrival[1])
-    return state
-
-
 def test_our_controller_sees_positions_and_remembers_what_it_commanded(robot: Robot) -> None:
     start = HOAP3.initial_position
-    with closing(engaged(robot)) as link:
+    with closing(robot.engaged()) as link:
         wanted = start.copy()
         for tick in range(20):
             if robot.settings.order == "legacy":
@@ -411,7 +390,7 @@ def test_our_controller_sees_positions_and_remembers_what_it_commanded(robot: Ro
 
 
 def test_a_silent_controller_holds_the_reference(paper: Robot) -> None:
-    with closing(engaged(paper)) as link:
+    with closing(paper.engaged()) as link:
         paper.publish(1, HOAP3.initial_position)
         first = taken(link)
         paper.publish(2, HOAP3.initial_position)
@@ -422,7 +401,7 @@ def test_a_silent_controller_holds_the_reference(paper: Robot) -> None:
 
 
 def test_our_controller_notices_when_the_robot_goes(paper: Robot) -> None:
-    with closing(engaged(paper)) as link:
+    with closing(paper.engaged()) as link:
         paper.publish(1)
         taken(link)
         paper.state.mode = State.STOPPED
@@ -433,7 +412,7 @@ def test_our_controller_notices_when_the_robot_goes(paper: Robot) -> None:
 
 
 def test_our_controller_can_be_woken(paper: Robot) -> None:
-    with closing(engaged(paper)) as link:
+    with closing(paper.engaged()) as link:
         link.wake()
         assert link.wait() is None
         assert link.departures == 0
@@ -441,11 +420,8 @@ def test_our_controller_can_be_woken(paper: Robot) -> None:
 
 def test_nobody_there_is_no_answer() -> None:
     robot = Robot()
-    ports = dict(zip(("init_port", "control_port"), robot.link.ports, strict=True))
-    robot.link.close()
-    with closing(
-        Hoap3ControllerLink(HOAP3, robot.settings.model_copy(update=ports), "law")
-    ) as link:
+    robot.close()
+    with closing(robot.controller()) as link:
         assert link.ask("description") is None
         assert link.ask("acquire") is None
 
@@ -455,9 +431,7 @@ def test_who_knocks_at_the_second_port_alone_is_nobodys_client(paper: Robot) -> 
         stray.settimeout(PATIENCE_S)
         assert stray.recv(1) == b""
     with paper.client() as client:
-        paper.publish(1)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert paper.answers(1)[0].tick == 1
+        paper.serve(client, 1)
     assert paper.link.counts()["clients"] == 1
 
 
@@ -497,16 +471,12 @@ def test_a_connection_that_a_refused_client_left_is_not_the_next_ones(paper: Rob
     for _ in range(20):
         paper.begin(struct.pack("<2d", 0, 0)).close()
     with paper.client() as client:
-        paper.publish(1)
-        client.sendall(paper.frames.pack(HOAP3.initial_position))
-        assert paper.answers(1)[0].tick == 1
+        paper.serve(client, 1)
     assert paper.hear("gone").who == "hoap3_tcp-1"
 
 
 def test_our_controller_waits_while_the_robot_has_another_client(paper: Robot) -> None:
-    ports = dict(zip(("init_port", "control_port"), paper.link.ports, strict=True))
-    settings = paper.settings.model_copy(update=ports)
-    with closing(Hoap3ControllerLink(HOAP3, settings, "law")) as link:
+    with closing(paper.controller()) as link:
         with paper.client():
             assert link.ask("description") is None
         paper.hear("gone")
@@ -514,7 +484,7 @@ def test_our_controller_waits_while_the_robot_has_another_client(paper: Robot) -
 
 
 def test_our_controller_leaves_a_robot_whose_positions_are_no_numbers(paper: Robot) -> None:
-    with closing(engaged(paper)) as link:
+    with closing(paper.engaged()) as link:
         paper.link._client.connection.sendall(struct.pack("<21d", *[float("nan")] * 21))
         assert link.wait() is None
         assert link.departures == 1

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.plants.mujoco.plant import MujocoPlant
 from hoap3.robot_emulator.robots.yaml_file import RobotFile, describe
 
@@ -24,17 +24,17 @@ def link(name: str, radius: float = 0.0, height: float = 0.0) -> str:
     return f'<link name="{name}">{inertial}{collision}</link>'
 
 
-def chain(*links: str, followers: str = "") -> RobotDescription:
+def chain(*links: str, mimic_joints: str = "") -> RobotDescription:
     """Links a, b, c, … each 0.2 m above the one before, all turning about y; b may follow a's."""
     joints, names = "", "oabcd"[: len(links)]
     for parent, child in pairwise(names):
-        more = followers if child == "b" else ""
+        more = mimic_joints if child == "b" else ""
         joints += (
             f'<joint name="to_{child}" type="revolute"><parent link="{parent}"/>'
             f'<child link="{child}"/><origin xyz="0 0 0.2"/><axis xyz="0 1 0"/>{LIMIT}{more}'
             "</joint>"
         )
-    moving = [f"to_{name}" for name in names[1:] if not (followers and name == "b")]
+    moving = [f"to_{name}" for name in names[1:] if not (mimic_joints and name == "b")]
     urdf = f'<robot name="chain">{"".join(links)}{joints}</robot>'
     return describe(RobotFile(name="chain", urdf="chain.urdf", joints=tuple(moving)), urdf)
 
@@ -63,8 +63,8 @@ def test_links_that_overlap_at_the_start_never_touch():
     assert contacts(robot) == contacts(robot, 0.3) == 0
 
 
-def test_followers_are_in_their_places_where_the_start_is_looked_at():
+def test_mimic_joints_are_in_their_places_where_the_start_is_looked_at():
     """Only where b is folded back does the last ball lie on the first one."""
     follows = '<mimic joint="to_a" multiplier="1" offset="3.14159"/>'
     links = link("o", 0.08), link("a"), link("b"), link("c"), link("d", 0.08, 0.05)
-    assert contacts(chain(*links, followers=follows), 0.1) == 0
+    assert contacts(chain(*links, mimic_joints=follows), 0.1) == 0

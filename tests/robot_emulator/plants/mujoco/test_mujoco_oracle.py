@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model as pinocchio_model
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.plants.mujoco.model import build_model
@@ -37,7 +37,7 @@ def test_accelerations_are_those_of_our_rigid_body(name: str):
         tau = random.uniform(-1.0, 1.0, robot.n) * robot.effort
         data.qpos[built.q_at], data.qvel[built.v_at], data.ctrl[::2] = q, dq, tau
         mujoco.mj_forward(built.model, data)
-        ours.forward(q, dq, tau, expected)
+        ours.forward(q, dq, tau, np.zeros(ours.n), expected)
         found = data.qacc[built.v_at]
         assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, SolverError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import EmulatorConfig, PlantSettings
 from hoap3.robot_emulator.plants.mujoco.plant import MujocoPlant
@@ -177,7 +177,7 @@ def test_an_arm_stops_at_a_box_and_presses_on_it():
     assert reached[1][1] == 0.0
 
 
-def test_noise_and_counts_are_those_of_the_encoders_and_of_the_seed():
+def test_noise_is_that_of_the_encoders_and_of_the_seed():
     shown = []
     for seed in (1, 1, 2):
         made, description = body("hoap3", "position", seed=seed, noise_rad=1e-4, **STIFF)
@@ -190,20 +190,6 @@ def test_noise_and_counts_are_those_of_the_encoders_and_of_the_seed():
     assert (shown[0] != shown[2]).all()
     off = shown[0] - description.initial_position
     assert np.std(off) == pytest.approx(1e-4, rel=0.05)
-    made, description = body("hoap3", "position", encoder="counts", **STIFF)
-    made.step(made.start, T)
-    counts = made.q * description.counts_per_rad
-    np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
-
-
-def test_substeps_change_the_accuracy_and_nothing_else():
-    places = []
-    for substeps in (1, 8):
-        made, _ = body("ur5", "position", substeps=substeps)
-        for k in range(200):
-            made.step(made.start + 1e-4 * k, T)
-        places.append(made.q.copy())
-    assert 0.0 < np.abs(places[0] - places[1]).max() < 1e-3
 
 
 def test_a_robot_that_cannot_stand_says_so_and_may_fall():

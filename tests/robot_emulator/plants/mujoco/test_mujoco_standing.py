@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.config import EmulatorConfig, PlantSettings
 from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.service import describe

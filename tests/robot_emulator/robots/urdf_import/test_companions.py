@@ -10,9 +10,8 @@ import pytest
 from support.urdfs.vendor_arm import JOINTS, LINKS, PACKAGE, urdf, vendor_folder
 
 from hoap3.robot_emulator.robots import load
-from hoap3.robot_emulator.robots.urdf_import.folder import write_folder
+from hoap3.robot_emulator.robots.urdf_import.folder import write_folder, wrong_meshes
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
-from hoap3.robot_emulator.robots.urdf_import.kept_meshes import wrong_meshes
 from hoap3.robot_emulator.robots.yaml_file import read_files
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

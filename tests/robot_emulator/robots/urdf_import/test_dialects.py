@@ -148,11 +148,6 @@ def test_soft_limits_hold_where_there_are_no_stops(tmp_path, given):
     assert (elbow.lower_hard, elbow.upper_hard) == (-0.5, 0.5)
 
 
-def test_a_deceleration_without_other_limits_is_used(tmp_path):
-    braking = '<position_based_velocity_limits deceleration_limit="6"/>'
-    assert imported(tmp_path, elbow_with(braking)).description.joints[1].brake_acceleration == 6.0
-
-
 @pytest.mark.parametrize(
     ("limits", "kind"),
     [('soft_lower_limit="3" soft_upper_limit="4"', "revolute"),

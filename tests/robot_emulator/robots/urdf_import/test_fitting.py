@@ -9,8 +9,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support.urdfs.vendor_arm import tube
 
-from hoap3.robot_emulator.robots.urdf_import.shapes.enclosing_ball import enclosing_ball
-from hoap3.robot_emulator.robots.urdf_import.shapes.fitting import LEAST_M, SPARE_M, Shape, tightest
+from hoap3.robot_emulator.robots.urdf_import.fitting import (
+    LEAST_M,
+    SPARE_M,
+    Shape,
+    enclosing_ball,
+    tightest,
+)
 
 
 def outside(shape: Shape, points: np.ndarray) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.urdfs.vendor_arm import INERTIAL, JOINTS, LINKS, joint, link, urdf, vendor_folder
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.robots.urdf_import.imported import ImportedRobot, import_robot
 
 
@@ -220,13 +219,6 @@ def test_a_free_joint_within_the_robot_is_an_error_that_names_it(tmp_path):
         imported(tmp_path, urdf(LINKS + link("tool"), JOINTS + free))
 
 
-def test_what_is_not_understood_is_counted(tmp_path):
-    extra = '<gazebo/><gazebo/><transmission name="t"/><ros2_control name="r" type="system"/>'
-    robot = imported(tmp_path, urdf(joints=JOINTS + extra))
-    (note,) = [note for note in robot.notes if "2 <gazebo>" in note.names]
-    assert set(note.names) == {"2 <gazebo>", "1 <transmission>", "1 <ros2_control>"}
-
-
 def test_joint_names_that_cannot_travel_are_replaced_and_said(tmp_path):
     text = urdf(joints=JOINTS.replace('"elbow"', '"left elbow (1)"'))
     robot = imported(tmp_path, text)
@@ -264,12 +256,6 @@ def test_a_robot_of_which_no_joint_moves_the_tip_has_no_default_task(tmp_path):
     robot = imported(tmp_path, text)
     assert robot.description.default_task is None
     assert any("no default task" in note.text for note in robot.notes)
-
-
-def test_the_same_file_gives_the_same_robot(tmp_path):
-    first, second = imported(tmp_path), imported(tmp_path)
-    assert first.description.digest == second.description.digest
-    assert os.linesep not in str(first.notes[0])
 
 
 def test_where_nothing_weighs_there_is_no_centre_of_mass(tmp_path):

@@ -52,7 +52,7 @@ STUCK = {
     "a slider without limits": ("", "prismatic", [0.0, 0.0, 1.2], "needs lower and upper"),
     "a hinge": (limit(0.5, 0.5), "revolute", [0.0, 0.0, 1.2], "are equal"),
     "almost no room": (limit(0.5, 0.5 + 1e-9), "revolute", [0.0, 0.0, 1.2], "are equal"),
-    "a follower with ratio 0": (
+    "a mimic joint with ratio 0": (
         f'{LIMIT}<mimic joint="wrist" multiplier="0" offset="0.5"/>', "revolute", [0.0, 0.0, 1.2],
         "multiplier of 0",
     ),
@@ -88,7 +88,7 @@ def test_what_follows_a_locked_joint_stays_where_that_brings_it(tmp_path):
     )
     np.testing.assert_allclose(pose(robot, "right")[:3], [0.0, 0.04, 1.2], atol=1e-8)
     np.testing.assert_allclose(pose(robot, "tip")[:3], [0.0, 0.01, 1.5], atol=1e-8)
-    assert robot.description.structure.followers == {}
+    assert robot.description.structure.mimic_joints == {}
 
 
 def test_a_robot_whose_only_joint_is_stuck_loads_and_says_that_nothing_moves(tmp_path):
@@ -154,7 +154,7 @@ TOOLS = {
         ),
         "hand",
     ),
-    "a follower of the wrist": (
+    "a mimic joint of the wrist": (
         arm_with(joint("grip", "hand", "tip", f'{LIMIT}<mimic joint="wrist"/>')),
         "hand",
     ),

@@ -1,0 +1,1 @@
+"""What a joint can do: limits of setpoints, torques, accelerations and jerks, with oracles."""

@@ -1,1 +1,0 @@
-"""What a joint can do that has a limit of jerk besides."""

@@ -1,1 +1,0 @@
-"""What MuJoCo reads, and whether it fits the robot and the settings."""

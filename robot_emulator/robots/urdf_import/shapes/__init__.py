@@ -1,1 +1,0 @@
-"""Meshes: where they are, how they are read, and what contains them."""
