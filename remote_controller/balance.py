@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.support.polygon import half_planes, hull
 from hoap3.remote_controller.model.kinematics import Kinematics
 

@@ -25,7 +25,6 @@ from hoap3.protocol.config.settings import (
 )
 from hoap3.protocol.config.user_code import may_import
 from hoap3.protocol.config.wrong_settings import NAME_PATTERN, ROBOT_PATTERN
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
     DescriptionError,
@@ -33,6 +32,7 @@ from hoap3.protocol.errors import (
     UnknownNameError,
     located,
 )
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.limits_above import warn_of_limits_above
 from hoap3.remote_controller.pairs import configs_for, robots_for
 from hoap3.remote_controller.references.live.live import check_names, collected

@@ -6,15 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hoap3.protocol.description import COM, DefaultTask, RobotDescription
 from hoap3.protocol.errors import ConfigError, FrameNotFoundError, NoDefaultTaskError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import COM, DefaultTask, RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.registry import TaskSettings
-
-HOAP3 = "hoap3"
-HOAP3S = DefaultTask(point=COM, reference="r_sole", target_m=(0.01, 0.025, 0.2869))
-"""What HOAP-3 did before descriptions had a default task: for its older logs."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +53,6 @@ def default_goal(
         FrameNotFoundError: the robot has no such frame.
     """
     task = description.default_task
-    if task is None and _had_hoap3s(description, reference):
-        task = HOAP3S
     if task is None:
         _check_frames(description, point, reference)
         problem = f"is missing, and robot {description.name!r} has no default task"
@@ -83,12 +77,6 @@ def _check_frames(description: RobotDescription, *frames: str | None) -> None:
     for frame in frames:
         if frame not in {None, COM, *description.frames}:
             raise FrameNotFoundError(str(frame), description.name, description.frames)
-
-
-def _had_hoap3s(description: RobotDescription, reference: str | None) -> bool:
-    """Whether a robot that has no default task is HOAP-3 of an older log."""
-    known = bool(reference) or HOAP3S.reference in description.frames
-    return known and description.name == HOAP3
 
 
 def _read(description: RobotDescription, task: DefaultTask, out: FloatArray) -> None:

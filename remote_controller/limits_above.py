@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LimitWarning
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 CUT = "the robot's counts"
 HELD_BACK = "the robot does not brake so hard, and may hold it back"
@@ -43,7 +43,7 @@ def warn_of_limits_above(robot: RobotDescription, parameters: Any, file: str) ->
     """
     from hoap3.remote_controller.constraints.registry import ConstraintSettings
     from hoap3.remote_controller.controllers.acceleration.joint_bounds import BoundSettings
-    from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+    from hoap3.remote_controller.controllers.velocity.velocity_task_stack import (
         VelocityBounds,
     )
 

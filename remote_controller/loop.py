@@ -9,10 +9,10 @@ from operator import attrgetter, is_not
 from typing import Any
 
 from hoap3.protocol.config.plugins import blame
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.link.base import Request
 from hoap3.protocol.messages import Event, FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.recorder import Recorder
@@ -326,11 +326,6 @@ class ControllerLoop:
                 controller begins anew when it does again. Nothing has changed.
             Hoap3Error: the controller failed.
         """
-        if not self._engaged:
-            raise UsageError(
-                "the robot does not follow the controller now, which begins anew when it does: "
-                "`hoap3 recover`, then change it"
-            )
         if len(payload) > LONGEST_CHANGE:
             raise UsageError(f"the change has {len(payload)} bytes; at most {LONGEST_CHANGE}")
         try:
@@ -339,6 +334,11 @@ class ControllerLoop:
             raise UsageError(f"the change is not JSON ({error})") from error
         if not isinstance(request, dict):
             raise UsageError(f"the change is no JSON object, but {request!r:.60}")
+        if not self._engaged:
+            raise UsageError(
+                "the robot does not follow the controller now, and changes would be reset when it "
+                "does: run `hoap3 recover`, then send the change again"
+            )
         try:
             self._controller.change(request)
         except (Exception, SystemExit) as error:

@@ -7,8 +7,8 @@ import sys
 from collections import Counter
 from typing import Any
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.balance import balance_of
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.controllers.certificate import PROVED, checked_status

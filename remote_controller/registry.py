@@ -7,9 +7,9 @@ from hoap3.protocol.config.plugins import PluginGroup
 GROUP = "hoap3.controllers"
 BUILTIN = {
     "qp12": "hoap3.remote_controller.controllers.qp12.qp12:Qp12Controller",
-    "pinv": "hoap3.remote_controller.controllers.qp12.pinv:PinvController",
+    "pinv": "hoap3.remote_controller.controllers.qp12.qp12:PinvController",
     "stable_qp": "hoap3.remote_controller.controllers.lyapunov_qp.stable_qp:StableQpController",
-    "osqp": "hoap3.remote_controller.controllers.qp12.osqp:OsqpController",
+    "osqp": "hoap3.remote_controller.controllers.qp12.qp12:OsqpController",
     "joint_acceleration": (
         "hoap3.remote_controller.controllers.acceleration.joint_acceleration:JointAccelerationController"
     ),

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hoap3.protocol.answers import GrantAnswer, Status, parse_answer, parse_description
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     AuthorityError,
     Hoap3Error,
@@ -26,7 +25,8 @@ from hoap3.protocol.link.base import Request
 from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.local_control import others_here
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
-from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.numba_jit import warm_up
@@ -47,7 +47,7 @@ KERNELS = (
     "hoap3.remote_controller.solvers.qp12.qp12_kernels",
     "hoap3.remote_controller.solvers.qp12.pinv_kernels",
     "hoap3.remote_controller.model.kinematics_kernels",
-    "hoap3.protocol.robot.followers.followers_kernels",
+    "hoap3.protocol.robot.mimic_joints_kernels",
     "hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels",
 )
 REHEARSALS = 200
@@ -340,12 +340,6 @@ class Service:
         if data is None:
             return False
         description = parse_description(data, link.robot)
-        if link.wire_version < WIRE_VERSION:
-            self._tell_once(
-                "old",
-                f"robot {link.robot!r} speaks wire version {link.wire_version}: its log will lack "
-                "decisions, gains and this configuration, and ours the rates of its reference",
-            )
         raw = self._ask(link, "status")
         if raw is None:
             return False
@@ -390,7 +384,7 @@ class Service:
 
     def _ask_config(self, link: Link) -> bytes | None:
         """The robot's configuration, a JSON object; None where it does not tell."""
-        if isinstance(link, Hoap3ControllerLink) or link.wire_version < WIRE_VERSION:
+        if isinstance(link, Hoap3ControllerLink):
             return None
         raw = self._ask(link, "config")
         return raw if raw is not None and is_config(raw) else None

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.coordinated_stop import CoordinatedStop
 from hoap3.remote_controller.constraints.joints.joint_acceleration import JointAcceleration

@@ -13,6 +13,24 @@ from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
 
+ETA_FIELD: Any = Field(
+    10.0,
+    gt=0,
+    description="η of (25), at most 1/period [1/s]; for accelerations at most 0.6/period, "
+    "and this default no more than joints can brake with",
+    json_schema_extra=CHANGEABLE,
+)
+RESERVE_FIELD: Any = Field(
+    1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
+)
+RETURN_SPEED_FIELD: Any = Field(
+    0.05,
+    gt=0,
+    description="fastest return from outside that is asked for [m/s]",
+    json_schema_extra=CHANGEABLE,
+)
+"""Settings of all constraints by (25)."""
+
 
 class Barrier(Constraint):
     """Rows that keep margins m(q) ≥ 0 [m]; a subclass gives m and A = −∇m in `look`.
@@ -47,22 +65,9 @@ class Barrier(Constraint):
     class Parameters(Constraint.Parameters):
         """How fast limits may be approached, and how fast one returns behind them."""
 
-        eta_per_s: float = Field(
-            10.0,
-            gt=0,
-            description="η of (25), at most 1/period [1/s]; for accelerations at most 0.6/period, "
-            "and this default no more than joints can brake with",
-            json_schema_extra=CHANGEABLE,
-        )
-        reserve_m: float = Field(
-            1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
-        )
-        return_speed_m_s: float = Field(
-            0.05,
-            gt=0,
-            description="fastest return from outside that is asked for [m/s]",
-            json_schema_extra=CHANGEABLE,
-        )
+        eta_per_s: float = ETA_FIELD
+        reserve_m: float = RESERVE_FIELD
+        return_speed_m_s: float = RETURN_SPEED_FIELD
 
     def prepare(self, parameters: Any, kinematics: Kinematics) -> None:
         """Size the buffers."""
@@ -72,24 +77,15 @@ class Barrier(Constraint):
             kernels.limit_rows,
             kernels.limit_accelerations,
         )
-        self.check_rate(parameters.eta_per_s)
         self._reserve = parameters.reserve_m
         self._brakes: tuple[FloatArray, FloatArray] | None = None  # where rows are of accelerations
-        self.tune(parameters)
+        self.apply(parameters)
         self.events["immovable"] = 0
 
-    def tune(self, parameters: Any) -> None:
-        """Take η and the speed of the return."""
+    def apply(self, parameters: Any) -> None:
+        """Read η and the speed of the return."""
+        self._eta = self.rate_of(parameters, self._brakes)
         self._return_speed = parameters.return_speed_m_s
-        self._eta = parameters.eta_per_s
-        if self._brakes is not None:
-            self._eta = self.fit_rate(parameters, *self._brakes)
-
-    def fits(self, parameters: Any) -> None:
-        """Refuse an η that oversteps the limit, or asks for more than joints brake with."""
-        self.check_rate(parameters.eta_per_s)
-        if self._brakes is not None:
-            self.fit_rate(parameters, *self._brakes)
 
     def name_rows(self, names: tuple[str, ...]) -> None:
         """One row and one margin for each name."""
@@ -135,7 +131,7 @@ class Barrier(Constraint):
     def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
         """Fit η to the period and the brakes, and size the buffers."""
         self._brakes = speed, deceleration
-        self.tune(self.parameters)
+        self.apply(self.parameters)
         self._rates, self._bend, self._spare = np.zeros((3, self.rows))
         self._row_ahead, self._row_behind = np.zeros((2, self.rows, self.n))
 

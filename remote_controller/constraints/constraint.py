@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
 
@@ -116,23 +116,14 @@ class Constraint:
             parameters, kinematics: as `__init__` got them; everything else is set already.
         """
 
-    def tune(self, parameters: Any) -> None:
-        """Take changed parameters, whose numbers that are declared changeable may be others.
+    def apply(self, parameters: Any) -> None:
+        """Read the parameters that may change: when it is made, and in a live change.
 
-        Comes between two updates. Only of a class with a `tune` of its own they can be changed.
-        """
-
-    def fits(self, parameters: Any) -> None:
-        """Refuse changed parameters, as when it is made.
+        Comes between two updates. Numbers of a class without an `apply` of its own cannot change.
 
         Raises:
-            ConfigError: with file "" and the key inside the parameters.
+            ConfigError: they do not fit; with file "" and the key inside the parameters.
         """
-
-    def stands_for(self, key: str) -> float | None:
-        """What a number that is null stands for; None where no number does."""
-        del key
-        return None
 
     def reset(self) -> None:
         """Forget what was kept from earlier states; events stay counted."""
@@ -234,40 +225,39 @@ class Constraint:
             self.events["started_outside"] += not self._started
         self._started = True
 
-    def check_rate(self, eta_per_s: float) -> None:
-        """Refuse a rate η of (25) that oversteps the limit within one period.
+    def rate_of(
+        self, parameters: Any, brakes: tuple[FloatArray, FloatArray] | None = None
+    ) -> float:
+        """η of (25), which must not overstep the limit within one period: ηT ≤ 1.
 
-        Raises:
-            ConfigError: η·T > 1.
-        """
-        share, period_s = eta_per_s * self.period_s, self.period_s
-        if share > 1.0:
-            problem = f"η·T = {share:.6g} oversteps the limit within one period of {period_s:g} s"
-            remedy = f"At most 1/T = {1.0 / period_s:.17g}"
-            if "acceleration" in self.levels:
-                remedy += f"; for accelerations {GREATEST_SHARE}/T, or what joints can brake with"
-            raise ConfigError("", "eta_per_s", eta_per_s, problem, remedy)
-
-    def fit_rate(self, parameters: Any, speed: FloatArray, deceleration: FloatArray) -> float:
-        """η for rows of accelerations: ηT ≤ 0.6, and η·v ≤ a for each joint.
-
-        Where all joints brake with η times their speed, q̈ = −η·q̇, m̈ = −ηṁ but for the curvature,
-        which is what the row asks for at ṁ = −ηm.
+        For rows of accelerations ηT ≤ 0.6, and η·v ≤ a for each joint: where all joints brake with
+        η times their speed, q̈ = −η·q̇, m̈ = −ηṁ but for the curvature, which is what the row asks
+        for at ṁ = −ηm.
 
         Args:
-            parameters: with `eta_per_s`; one that is not set is lowered to what is allowed.
-            speed, deceleration: as of `prepare_accelerations`.
+            parameters: with `eta_per_s`; one that is not set is lowered to what brakes allow.
+            brakes: speed and deceleration as of `prepare_accelerations`; None for velocities.
 
         Raises:
             ConfigError: an η that is set and asks for more.
         """
         wanted: float = parameters.eta_per_s
+        share, period_s = wanted * self.period_s, self.period_s
+        if share > 1.0:
+            problem = f"η·T = {share:.6g} oversteps the limit within one period of {period_s:g} s"
+            remedy = f"At most 1/T = {1.0 / period_s:.17g}"
+            if "acceleration" in self.levels:
+                remedy += f"; for accelerations {GREATEST_SHARE}/T, or what joints can brake with"
+            raise ConfigError("", "eta_per_s", wanted, problem, remedy)
+        if brakes is None:
+            return wanted
+        speed, deceleration = brakes
         braking = np.divide(
             deceleration, speed, out=np.full(self.n, np.inf), where=(speed > 0.0) & (speed < np.inf)
         )
         braking[speed == np.inf] = 0.0
         joint = int(braking.argmin())
-        most = min(GREATEST_SHARE / self.period_s, float(braking[joint]))
+        most = min(GREATEST_SHARE / period_s, float(braking[joint]))
         if wanted <= most or ("eta_per_s" not in parameters.model_fields_set and most > 0.0):
             return min(wanted, most)
         if most < braking[joint]:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from hoap3.protocol.config.plugins import blame
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.constraint import OUTSIDE, Constraint
 from hoap3.remote_controller.model.kinematics import Kinematics
 
@@ -71,15 +71,15 @@ class CoordinatedStop:
                 np.maximum(self._least, each.least, out=self._least)
                 np.minimum(self._greatest, each.greatest, out=self._greatest)
         kinds = {joint.name: joint.kind for joint in description.structure.joints}
-        followers = kinematics.followers
-        names = (*description.joint_names, *(followers.names if followers else ()))
+        mimic_joints = kinematics.mimic_joints
+        names = (*description.joint_names, *(mimic_joints.names if mimic_joints else ()))
         slides = np.array([kinds[name] == "prismatic" for name in names])
         robot = reach(kinematics)
         reaches = [each.reach or robot for each in self._constraints]
         self._per_joint = np.array([np.where(slides, 1.0, each) for each in reaches])
         self._per_joint.shape = len(reaches), len(names)
-        if followers is not None:  # |Δ| of a follower is |ratio| times its master's
-            self._per_joint = self._per_joint @ np.abs(followers.matrix)
+        if mimic_joints is not None:  # |Δ| of a mimic joint is |ratio| times its mimicked joint's
+            self._per_joint = self._per_joint @ np.abs(mimic_joints.matrix)
         self._bends = np.array(
             [
                 1.0 / most + each.sharpness

@@ -56,8 +56,7 @@ class Pfaffian(Constraint):
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
-        self.check_rate(parameters.eta_per_s)
-        self._source, self._eta = parameters.positions_from, parameters.eta_per_s
+        self._source, self._eta = parameters.positions_from, self.rate_of(parameters)
         self._drift = 0.0
         self._function: Callable[[FloatArray], object] | None = None
         if bool(parameters.matrix) == (parameters.function is not None):

@@ -11,15 +11,14 @@ from pydantic import Field
 
 from hoap3.protocol.config.plugins import PluginGroup, building
 from hoap3.protocol.config.settings import Settings, parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.acceleration_stack import MOST, AccelerationStack
 from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.scheduling.numbers import Part, private
 
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
@@ -45,12 +44,6 @@ CONSTRAINTS = PluginGroup(
     BUILTIN,
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
     "writing_a_constraint",
-    {
-        "joint_speed": "joint_velocity",
-        "frame_still": "fixed_frame",
-        "remote_controller.constraints.joint_speed:JointSpeed": "joint_velocity",
-        "remote_controller.constraints.frame_still:FrameStill": "fixed_frame",
-    },
 )
 registered, find = CONSTRAINTS.registered, CONSTRAINTS.find
 WORDS: dict[Level, str] = {"velocity": "velocities", "acceleration": "accelerations"}
@@ -161,28 +154,6 @@ def build_accelerations(
         entries, description, kinematics, period_s, file, key, "acceleration"
     )
     return AccelerationStack(made, labels, keys, description, kinematics, file, brake, ranges)
-
-
-def parts_of(
-    entries: Sequence[ConstraintSettings],
-    constraints: Sequence[Constraint],
-    labels: Sequence[str],
-) -> list[Part]:
-    """Parameters of constraints, as far as they may change.
-
-    Args:
-        entries: of which they were made.
-        constraints, labels: of their stack.
-    """
-    found: list[Part] = []
-    for i, (entry, constraint, label) in enumerate(zip(entries, constraints, labels, strict=True)):
-        if type(constraint).tune is Constraint.tune:
-            continue
-        parameters = private(parse(type(constraint).Parameters, entry.parameters, "config"))
-        path, place = ("constraints", label, "parameters"), ("constraints", i, "parameters")
-        given = constraint.tune, constraint.fits, constraint.stands_for
-        found.append(Part(path, place, parameters, *given))
-    return found
 
 
 def _make(

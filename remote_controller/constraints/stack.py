@@ -10,6 +10,7 @@ from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.joints.joint_velocity import JointVelocity
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.scheduling.changes import Part, part_of
 
 
 class Stack:
@@ -25,6 +26,13 @@ class Stack:
         self._with_margins = [
             each for each in self.constraints if each.margins.size or overrides(each, "margin")
         ]
+
+    def parts(self) -> list[Part]:
+        """Parameters of the constraints, for live changes of their numbers."""
+        found: list[Part] = []
+        for i, (label, constraint) in enumerate(zip(self.labels, self.constraints, strict=True)):
+            found += part_of(constraint, ("constraints", label), ("constraints", i))
+        return found
 
     def reset(self) -> None:
         """Forget what was kept from earlier states."""
@@ -59,6 +67,35 @@ class Stack:
             for event, count in constraint.events.items()
             if count
         }
+
+
+class EventConditions:
+    """Events of constraints as conditions of a controller: `LABEL: EVENT`.
+
+    Args:
+        stack: the constraints.
+
+    Attributes:
+        names: of all events that can happen.
+    """
+
+    def __init__(self, stack: Stack) -> None:
+        self._events = [
+            (label, constraint.events, event)
+            for label, constraint in zip(stack.labels, stack.constraints, strict=True)
+            for event in constraint.events
+        ]
+        self.names = tuple(f"{label}: {event}" for label, _, event in self._events)
+        self._counted = [0] * len(self._events)
+
+    def look(self) -> int:
+        """Bit i: event `names[i]` was counted since the last look."""
+        present = 0
+        for place, (_, counts, event) in enumerate(self._events):
+            if counts[event] != self._counted[place]:
+                self._counted[place] = counts[event]
+                present |= 1 << place
+        return present
 
 
 class ConstraintStack(Stack):

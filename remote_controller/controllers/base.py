@@ -13,18 +13,18 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State
-from hoap3.protocol.urdf import first_twice
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
+from hoap3.protocol.robot.urdf import first_twice
 from hoap3.remote_controller.controllers import certificate
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
 from hoap3.remote_controller.controllers.progress import Progress
 from hoap3.remote_controller.controllers.singularity import LEAVING, SingularityExit
 from hoap3.remote_controller.references.live.live import Live
-from hoap3.remote_controller.scheduling.changes import Changes
-from hoap3.remote_controller.scheduling.numbers import FILE, Part, private
+from hoap3.remote_controller.scheduling.changes import FILE, Changes, Part, private
+from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.registry import FollowedTask
 
@@ -106,6 +106,9 @@ class Controller(ABC):
         live: its targets that somebody steers, in the order in which messages count them.
         margin_tolerance: how far the certificate's `margin` may be below 0 by rounding, in its
             unit; None for a controller without constraints.
+        importance: priorities or weights of its tasks, which change by requests of their own.
+        parts: parameters of its tasks and constraints, for live changes of their numbers.
+        fixed: keys of its own numbers that are declared changeable, but have no effect here.
     """
 
     class Parameters(Settings):
@@ -126,6 +129,8 @@ class Controller(ABC):
     """What it can give; the robot's description decides which of these its `command` is."""
     follows_delay: ClassVar[bool] = False
     """Whether it reckons with a robot that applies its answers `delay_ticks` later."""
+    importance: Schedule | None = None
+    fixed: frozenset[str] = frozenset()
     kernels: ClassVar[tuple[str, ...]] = ()
     """Modules that compile what it needs; a service has them ready before anything else."""
 
@@ -137,6 +142,7 @@ class Controller(ABC):
         self.progress: Progress | None = None
         self.live: Sequence[Live] = ()
         self.margin_tolerance: float | None = None
+        self.parts: list[Part] = []
         self.description, self.parameters = description, parameters
         self._changes: Changes | None = None
         self.now: Callable[[], int] = time.monotonic_ns
@@ -271,53 +277,55 @@ class Controller(ABC):
         return replace(error, reason=self.progress.reason_of(error, task))
 
     def change(self, request: Mapping[str, Any]) -> None:
-        """Take over what somebody wants to be otherwise from now on: all of it, or nothing.
+        """Apply a request for other numbers, or other priorities: all of it, or nothing.
 
-        Comes between two steps. The log has what was taken over, so that a replay does the same.
+        Called between two steps. The log has each accepted request, so a replay repeats it.
 
         Args:
             request: numbers that are declared changeable, by their keys as in the config, nested
-                or with dots, tasks by their names; and `over_s`, how long they take [s].
+                or with dots, tasks by their names; or a change of `importance`; and `over_s`, how
+                long it takes [s].
 
         Raises:
             UsageError: it is refused; says what is wrong with it and what is not.
         """
         self.begin_changes()
-        changes = self._ready_for_changes()
+        changes, importance = self._ready_for_changes(), self.importance
+        if importance is not None and importance.is_asked(request):
+            importance.check_alone(request, changes.shown())
+            importance.change(request, importance.time_s)
+            return
         if not changes.numbers:
             raise UsageError(f"controller {type(self).__name__} takes no changes while it runs")
         changes.request(request)
 
     def changeable(self) -> dict[str, Any]:
         """What `change` can change, as it is now: a JSON object, empty where nothing can."""
-        return self._ready_for_changes().shown()
+        found, importance = self._ready_for_changes().shown(), self.importance
+        return found if importance is None else {**found, importance.key: importance.shown()}
 
     def numbers(self) -> list[dict[str, Any]]:
         """Key, meaning and bounds of each number that `change` can change."""
         return self._ready_for_changes().described()
 
-    def parts(self) -> list[Part]:
-        """Settings whose numbers may change: its own, and then those of its tasks and the like."""
-        return [Part((), (), self.parameters, self.tune, self.fits, self.stands_for)]
+    def apply(self, parameters: Any) -> None:  # noqa: B027 - some read `self.parameters` instead
+        """Read the parameters that may change into the running controller.
 
-    def tune(self, parameters: Any) -> None:  # noqa: B027 - who reads the parameters has them
-        """Take changed numbers: here nothing, for who reads `self.parameters` has them already.
+        Called with requested parameters to check them, then with the present ones again, and with
+        those of each step of a transition: it assigns, and allocates as little as possible. What it
+        accepts is an interval of each number, so that all values on the way are accepted.
 
-        Args:
-            parameters: its own, of which only numbers that are declared changeable have changed.
+        Raises:
+            ConfigError: they do not fit the robot; with file "" and the key inside the parameters.
         """
 
-    def fits(self, parameters: Any) -> None:  # noqa: B027 - most have nothing to add
-        """Refuse changed parameters that do not fit the robot, as at the start.
+    def validate(self, parameters: Any) -> None:
+        """Refuse requested parameters that do not fit: what takes too long to check in each step.
 
         Raises:
             ConfigError: with file "" and the key inside the parameters.
         """
-
-    def stands_for(self, key: str) -> float | Sequence[float] | None:
-        """What a number that is null stands for, by its key; None where no number does."""
-        del key
-        return None
+        self.check(parameters, FILE)
 
     def begin_changes(self) -> None:
         """Make ready for changes: called once it is built, or by the first change."""
@@ -338,10 +346,8 @@ class Controller(ABC):
         if self._changes is None:
             self.parameters = private(self.parameters)
             over_s = getattr(self.parameters, "change_over_s", OVER_S)
-            check, period_s = type(self).check, self.description.period_s
-            self._changes = Changes(
-                self.parts(), lambda given: check(given, FILE), over_s, period_s
-            )
+            own = Part((), (), self.parameters, self.apply, self.fixed)
+            self._changes = Changes([own, *self.parts], self.validate, over_s, self.description)
             self._changes.rehearse()
         return self._changes
 

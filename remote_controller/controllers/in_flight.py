@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 
 
 class InFlight:

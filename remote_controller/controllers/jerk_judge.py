@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.limits.jerk_limits import limits_with_jerk
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.jerk.jerk_limits import limits_with_jerk
+from hoap3.protocol.robot.description import RobotDescription
 
 MEMORY = 3
 """Periods in a row after which the setpoint's own motion and the reference's are known."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.certificate import BLOCKED, STATIONARY
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.registry import FollowedTask

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
+
 from hoap3.protocol.messages import State
+
+RampTime = Annotated[
+    float,
+    Field(
+        ge=0,
+        description="time in which Ψ rises to its size, so that no joint jumps [s]; 0: at once",
+    ),
+]
 
 
 class Ramp:

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import Controller
 
 
@@ -74,5 +74,5 @@ def refuse_too_fast(controller: Controller, rate: float, kinematics_from: str) -
     """
     problem = too_fast(controller.description, rate, kinematics_from)
     if problem and not controller.too_fast:
-        remedy = "Slow the law, or write kinematics_from: reference and begin anew"
+        remedy = "Slow the law, or write kinematics_from: reference and restart"
         raise ConfigError("", "", None, f"nothing would be certified: {problem}", remedy)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 
 POSITION, POSE = 3, 6
@@ -39,8 +39,9 @@ class FramesDynamics:
     """M(q)·ddq + h(q, dq) = τ of a robot, and d/dt ν = J·ddq + J̇·dq of the motion ν of its frames.
 
     Joints are in wire order. Gravity is part of h unless the description has it `none`; friction is
-    not. However many frames: one crba, one nle and one kernel. Of a robot with followers
-    (`Followers`) the kernel writes M, h and J of all m joints, "full", from which M, h and J come.
+    not. However many frames: one crba, one nle and one kernel. Of a robot with mimic joints
+    (`MimicJoints`) the kernel writes M, h and J of all m joints, "full", from which M, h and J
+    come.
 
     Args:
         description: of the robot.
@@ -69,7 +70,7 @@ class FramesDynamics:
         self._gather: Callable[..., None] = frames_dynamics
         rigid = Dynamics(description)  # which has set gravity
         self.n, self.damping, self._robot = description.n, rigid.damping, rigid.robot
-        self._followers = rigid.followers
+        self._mimic_joints = rigid.mimic_joints
         self._rows = [slice(each.start, each.start + each.size) for each in frames]
         self._model, self._data = rigid.robot.model, rigid.robot.data
         self._order = np.array(rigid.robot.order, np.int64)
@@ -87,7 +88,7 @@ class FramesDynamics:
         self.twist, self.drift = np.zeros(rows), np.zeros(rows)
         self.origins, self.rotations = np.zeros((k, 3)), np.zeros((k, 3, 3))
         self._full = self.mass, self.bias, self.jacobian
-        if self._followers is not None:
+        if self._mimic_joints is not None:
             self._full = np.zeros((m, m)), np.zeros(m), np.zeros((rows, m))
         self._rigid = (data.M.reshape(m, m), data.nle, data.J.reshape(6, m), _placements(data))
         self._layout: tuple[Any, ...] = (
@@ -102,59 +103,42 @@ class FramesDynamics:
 
     def update(self, q: FloatArray, dq: FloatArray) -> None:
         """Take joint positions and velocities, (n,) [rad, rad/s or m, m/s]; both finite."""
-        model, data, order, followers = self._model, self._data, self._order, self._followers
+        model, data, order, mimic_joints = self._model, self._data, self._order, self._mimic_joints
         full = dq
-        if followers is None:
+        if mimic_joints is None:
             self._q[order], self._v[order] = q, dq
         else:
-            full = followers.velocities(dq)
-            self._q[order], self._v[order] = followers.positions(q), full
+            full = mimic_joints.velocities(dq)
+            self._q[order], self._v[order] = mimic_joints.positions(q), full
         self._crba(model, data, self._q, self._world)  # and the Jacobian of the joints
         self._nle(model, data, self._q, self._v)
         if self._compensated:
             weight = self._weigh(model, data, self._q)
-            if followers is None:
+            if mimic_joints is None:
                 weight.take(order, out=self.weight, mode="clip")  # the other modes copy `out`
             else:
-                followers.columns(weight[order], self.weight)
+                mimic_joints.columns(weight[order], self.weight)
         self._gather(*self._rigid, *self._layout, full, *self._out)
-        if followers is not None:
-            followers.inertia(self._rigid[0], order, self.mass)
-            followers.columns(self._full[1], self.bias)
+        if mimic_joints is not None:
+            mimic_joints.inertia(self._rigid[0], order, self.mass)
+            mimic_joints.columns(self._full[1], self.bias)
             for mine in self._rows:
-                followers.columns(self._full[2][mine], self.jacobian[mine])
+                mimic_joints.columns(self._full[2][mine], self.jacobian[mine])
 
     def placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
         """Where a frame is in posture `q`, (n,): copies of origin (3,) [m] and rotation (3, 3)."""
-        self._q[self._order] = q if self._followers is None else self._followers.positions(q)
+        self._q[self._order] = q if self._mimic_joints is None else self._mimic_joints.positions(q)
         self._place_all(self._model, self._data, self._q)
         found = self._data.oMf[self._robot.frame_id(frame)]
         return found.translation.copy(), found.rotation.copy()
 
     def stands(self, frame: str) -> bool:
         """Whether no joint moves a frame."""
-        return not self._movers_of(frame).size
+        return not self._robot.moved_by(frame).any()
 
     def _movers_of(self, frame: str) -> NDArray[np.int64]:
         """Of the full joints those that move a frame, from the root outwards."""
-        model, places = self._model, list(self._order)
-        number = self._robot.frame_id(frame)
-        joints = [j for j in model.supports[model.frames[number].parentJoint] if j > 0]
-        return np.array([places.index(model.joints[j].idx_v) for j in joints], np.int64)
-
-
-class FrameDynamics(FramesDynamics):
-    """The same of one frame's pose.
-
-    Attributes:
-        frame: its name.
-        origin, rotation: of the frame in the root's axes, (3,) [m] and (3, 3).
-    """
-
-    def __init__(self, description: RobotDescription, frame: str) -> None:
-        super().__init__(description, [FrameRows(frame, 0, POSE)], POSE)
-        self.frame = frame
-        self.origin, self.rotation = self.origins[0], self.rotations[0]
+        return np.argsort(self._order)[self._robot.moved_by(frame)]
 
 
 def _placements(data: Any) -> FloatArray:

@@ -145,7 +145,7 @@ def frames_dynamics(
 ) -> None:
     """Write M, h, and of each frame where it is, J, its motion ν = J·dq and J̇·dq.
 
-    Of a robot with followers n counts these, too, behind the joints of the wire.
+    Of a robot with mimic joints n counts these, too, behind the joints of the wire.
 
     Args:
         mass: (n, n) upper triangle, Pinocchio's order, like the next two.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model, one_coordinate_each
 from hoap3.remote_controller.model.frame_dynamics import POSITION, FrameRows
 
@@ -25,8 +25,8 @@ class FreeDynamics:
     v, (n + 6,), is the twist of the root link in its own axes, velocity of its origin [m/s] over
     angular velocity [rad/s], and then the joints' velocities in wire order. All else is in the
     world, z up. Gravity is part of h, friction is not. As `FramesDynamics`, whose attributes mean
-    the same where they have the same name. Of a robot with followers M, h and J come from those of
-    all m joints, as `protocol.robot.followers` says; the base is its own master.
+    the same where they have the same name. Of a robot with mimic joints M, h and J come from those
+    of all m joints, as `protocol.robot.mimic_joints` says; the base is its own mimicked joint.
 
     Args:
         description: of the robot.
@@ -65,23 +65,23 @@ class FreeDynamics:
         self._pin, self._robot, n = pin, fixed, description.n
         urdf = one_coordinate_each(description)
         self._model = model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer(), FREE_BASE)
-        self._followers, names = fixed.followers, list(description.joint_names)
-        if fixed.followers is not None:
-            names += fixed.followers.names
+        self._mimic_joints, names = fixed.mimic_joints, list(description.joint_names)
+        if fixed.mimic_joints is not None:
+            names += fixed.mimic_joints.names
         order = [model.joints[model.getJointId(name)].idx_v for name in names]
         self._order = np.array([*range(BASE), *order], np.intp)
         model.armature[self._order[BASE : BASE + n]] = description.armature
         self._to_wire: FloatArray | None = None  # of twists of base and all joints
-        if fixed.followers is not None:
+        if fixed.mimic_joints is not None:
             self._to_wire = np.eye(len(self._order), BASE + n)
-            self._to_wire[BASE:, BASE:] = fixed.followers.matrix
+            self._to_wire[BASE:, BASE:] = fixed.mimic_joints.matrix
         if description.gravity == "none":
             model.gravity.setZero()
         self._data = model.createData()
         self.n, self.total_mass = n, fixed.total_mass
         self.damping = np.array(model.damping)[order]
-        if fixed.followers is not None:
-            self.damping = fixed.followers.resistance(self.damping, dry=False)
+        if fixed.mimic_joints is not None:
+            self.damping = fixed.mimic_joints.resistance(self.damping, dry=False)
         self._numbers = {
             name: int(model.getFrameId(name, pin.FrameType.BODY)) for name in description.frames
         }
@@ -151,7 +151,7 @@ class FreeDynamics:
         """Take posture and base; the quaternion's length may be off by rounding."""
         self._q[:POSE_OF_BASE] = self.base[:POSE_OF_BASE]
         self._q[3:POSE_OF_BASE] /= np.linalg.norm(self._q[3:POSE_OF_BASE])
-        full = q if self._followers is None else self._followers.positions(q)
+        full = q if self._mimic_joints is None else self._mimic_joints.positions(q)
         self._q[self._order[BASE:] + 1] = full
 
     def _full(self, velocity: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.robot.jerk.jerk_takeover_kernels import (
+from hoap3.protocol.limits.jerk_takeover_kernels import (
     Motion,
     asked_of,
     brakes_in_time,

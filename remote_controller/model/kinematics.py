@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
 
 
@@ -26,9 +26,9 @@ class _Frame:
 class Kinematics:
     """Where the robot's frames and its centre of mass are, and how they move with the joints.
 
-    Joints are in wire order, everywhere, and followers move with them (`Followers`); "full" are
-    all m joints, those of the wire and behind them the followers. The root link is Pinocchio's
-    fixed base; its mass is kept in the centre of mass.
+    Joints are in wire order, everywhere, and mimic joints move with them (`MimicJoints`); "full"
+    are all m joints, those of the wire and behind them the mimic joints. The root link is
+    Pinocchio's fixed base; its mass is kept in the centre of mass.
 
     Raises:
         DescriptionError: Pinocchio cannot build the model.
@@ -41,7 +41,7 @@ class Kinematics:
 
         self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
         self.robot = build_model(description)
-        self.n, self.followers = description.n, self.robot.followers
+        self.n, self.mimic_joints = description.n, self.robot.mimic_joints
         self._model, self._data = self.robot.model, self.robot.data
         self._order = np.array(self.robot.order, np.int64)
         self._wire, m = self._order[: self.n], len(self._order)
@@ -78,12 +78,13 @@ class Kinematics:
         """
         number = int(self.robot.frame_id(frame))
         if number not in self._frames:
-            self._frames[number] = self._view(number)
+            placement, moved_by = self._data.oMf[number], self.robot.moved_by(frame)
+            self._frames[number] = _Frame(placement.translation, placement.rotation, moved_by)
         return number
 
     def update(self, q: FloatArray) -> None:
         """Take the joint positions `q`, (n,) [rad or m]."""
-        self._q[self._order] = q if self.followers is None else self.followers.positions(q)
+        self._q[self._order] = q if self.mimic_joints is None else self.mimic_joints.positions(q)
         self._pass(self._model, self._data, self._q, False)
 
     def joints(self, position_out: FloatArray) -> None:
@@ -115,10 +116,10 @@ class Kinematics:
             self._moving_share,
             self._order,
             position_out,
-            jacobian_out if self.followers is None else self._full[3],
+            jacobian_out if self.mimic_joints is None else self._full[3],
         )
-        if self.followers is not None:
-            self.followers.columns(self._full[3], jacobian_out)
+        if self.mimic_joints is not None:
+            self.mimic_joints.columns(self._full[3], jacobian_out)
 
     def frame(
         self,
@@ -154,10 +155,10 @@ class Kinematics:
             self._order,
             position_out,
             rotation_out,
-            jacobian_out if self.followers is None else self._full[6],
+            jacobian_out if self.mimic_joints is None else self._full[6],
         )
-        if self.followers is not None:
-            self.followers.columns(self._full[6], jacobian_out)
+        if self.mimic_joints is not None:
+            self.mimic_joints.columns(self._full[6], jacobian_out)
 
     def load_drift(self) -> None:
         """Have `frame_drift` and `com_drift` ready, which controllers of velocities never ask."""
@@ -190,7 +191,7 @@ class Kinematics:
         )
 
     def _move(self, dq: FloatArray) -> None:
-        self._v[self._order] = dq if self.followers is None else self.followers.velocities(dq)
+        self._v[self._order] = dq if self.mimic_joints is None else self.mimic_joints.velocities(dq)
 
     def com_drift(self, frame: int, dq: FloatArray, out: FloatArray) -> None:
         """Write J̇·dq of the centre of mass, with J as of `com`, (3,) [m/s²]; after `load_drift`.
@@ -230,14 +231,6 @@ class Kinematics:
     def moved_by(self, frame: int) -> NDArray[np.bool_]:
         """Whether each of the full joints moves a frame, (m,)."""
         return self._frames[frame].moved_by[self._order]
-
-    def _view(self, number: int) -> _Frame:
-        model, placement = self._model, self._data.oMf[number]
-        moved_by = np.zeros(len(self._order), np.bool_)
-        for joint in model.supports[model.frames[number].parentJoint]:
-            if joint > 0:  # 0 is the world
-                moved_by[model.joints[joint].idx_v] = True
-        return _Frame(placement.translation, placement.rotation, moved_by)
 
 
 def stacked(arrays: Sequence[FloatArray]) -> FloatArray:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.setpoint_limits_kernels import (
+from hoap3.protocol.limits.setpoint_limits_kernels import (
     JointLimits,
     own_start,
     taken_over,
     within,
 )
+from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import kernel
 
 AT_REST, FOLLOWED, UNKNOWN = 0, 1, 2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 ASIDE = 1e-5  # rad or m: how far the fastest joint is moved for a difference

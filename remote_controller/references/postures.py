@@ -8,9 +8,9 @@ import numpy as np
 from pydantic import model_validator
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 
 class PostureValues(Settings):

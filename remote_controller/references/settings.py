@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from hoap3.protocol.config.settings import Settings
+from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.references.curves import Circle, Lemniscate, Plane
 from hoap3.remote_controller.references.live.live_settings import (
     LivePoseSettings,
@@ -17,9 +18,14 @@ from hoap3.remote_controller.references.live.live_settings import (
     Position,
     Positive,
 )
-from hoap3.remote_controller.references.spline import Spline, read_csv
+from hoap3.remote_controller.references.spline import Spline
 from hoap3.remote_controller.references.target import Approach, Hold, Point, Target
-from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
+from hoap3.remote_controller.references.trajectories.motion_file import read_motion, read_text
+from hoap3.remote_controller.references.trajectories.trajectory_settings import (
+    AXES,
+    TrajectorySettings,
+    check_motion,
+)
 from hoap3.remote_controller.references.waypoints import Profile, Waypoints
 
 
@@ -125,8 +131,22 @@ class SplineSettings(_MovingSettings):
     repeat: bool = Field(False, strict=True, description="a closed curve, run again and again")
 
     def build(self, folder: Path) -> Target:
-        """The target; files are sought in `folder`."""
-        curve = Spline(*read_csv(folder / self.file, self.repeat), repeats=self.repeat)
+        """The target; files are sought in `folder`.
+
+        Raises:
+            ConfigError: naming the file, the line and the value.
+        """
+        path = folder / self.file
+        motion = read_motion(read_text(path), str(path), AXES)
+        check_motion(motion, str(path), "linear", AXES)
+        first, last = motion.positions[0].tolist(), motion.positions[-1].tolist()
+        if motion.velocities is not None:
+            problem, remedy = "has velocities, which a spline does not take", "Leave them out"
+            raise ConfigError(str(path), "line 1", None, problem, remedy)
+        if self.repeat and first != last:
+            remedy = f"End it at {first}, or set repeat: false"
+            raise motion.refuse(-1, AXES[0], last, "ends elsewhere than it begins", remedy)
+        curve = Spline(motion.times_s, motion.positions, repeats=self.repeat)
         return Approach(curve, self.approach_s)
 
 

@@ -1,23 +1,14 @@
-"""A smooth curve through the rows of a CSV file."""
+"""A smooth curve through points at given times."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from bisect import bisect_right
-from pathlib import Path
 
 import numpy as np
 
-from hoap3.protocol.config.regular_file import read_at_most
-from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.target import Target
-
-COLUMNS = ["t", "x", "y", "z"]
-MAX_ROWS = 100_000
-MAX_BYTES = 1 << 24
 
 
 class Spline(Target):
@@ -113,61 +104,3 @@ def _tridiagonal(
     for i in range(len(middle) - 2, -1, -1):
         right[i] = (right[i] - above[i] * right[i + 1]) / middle[i]
     return right
-
-
-def read_csv(path: Path, repeats: bool) -> tuple[FloatArray, FloatArray]:
-    """Times, (k,) [s], and points, (k, 3) [m], of a CSV with the columns t, x, y, z.
-
-    Raises:
-        ConfigError: naming the file, the line and the value.
-    """
-    file = str(path)
-    rows: list[list[float]] = []
-    try:
-        data = read_at_most(path, MAX_BYTES)
-        if len(data) > MAX_BYTES:
-            problem = f"is larger than {MAX_BYTES >> 20} MiB"
-            raise ConfigError(file, "", None, problem, "Leave rows out")
-        lines = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
-        header = [name.strip() for name in next(lines, [])]
-        if header != COLUMNS:
-            remedy = f"The first line is {','.join(COLUMNS)}"
-            raise ConfigError(file, "line 1", ",".join(header), "is another header", remedy)
-        for row in lines:
-            if row:
-                rows.append(_numbers(row, file, lines.line_num, rows))
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-        raise ConfigError(file, "", None, reason, "Name a CSV file that can be read") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(file, "", None, f"is not CSV: {error}", "Save it as UTF-8") from error
-    if len(rows) < 2:
-        raise ConfigError(file, "", len(rows), "has too few rows", "A curve needs two or more")
-    if repeats and rows[0][1:] != rows[-1][1:]:
-        problem = "the curve repeats, but ends elsewhere than it begins"
-        remedy = f"End it at {rows[0][1:]}, or set repeat: false"
-        raise ConfigError(file, "last row", rows[-1][1:], problem, remedy)
-    table = np.array(rows)
-    return table[:, 0].copy(), table[:, 1:].copy()
-
-
-def _numbers(row: list[str], file: str, line: int, before: list[list[float]]) -> list[float]:
-    where = f"line {line}"
-    if len(before) >= MAX_ROWS:
-        raise ConfigError(file, where, None, f"has more than {MAX_ROWS} rows", "Leave some out")
-    if len(row) != len(COLUMNS):
-        problem = f"has {len(row)} values"
-        raise ConfigError(file, where, ",".join(row), problem, f"Write {','.join(COLUMNS)}")
-    values: list[float] = []
-    for name, text in zip(COLUMNS, row, strict=True):
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise ConfigError(file, where, text, f"{name} is not a number", "Write a finite one")
-        values.append(value)
-    if values[0] < 0.0 or (before and values[0] <= before[-1][0]):
-        problem = "t does not increase" if before else "t is negative"
-        raise ConfigError(file, where, row[0], problem, "Sort the rows by time, from 0 on")
-    return values

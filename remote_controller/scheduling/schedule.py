@@ -1,25 +1,88 @@
-"""Numbers of tasks that follow a timeline and live changes, and checked changes of priorities."""
+"""Numbers of tasks that follow a timeline and live changes."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Container, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Container, Mapping, Sequence
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.scheduling.numbers import FILE
-from hoap3.remote_controller.scheduling.priority_matrix import (
-    Entries,
-    order_entries,
-    places,
-    set_entries,
-)
-from hoap3.remote_controller.scheduling.settings import ChangeRequest, PrioritySettings
-from hoap3.remote_controller.scheduling.transition import Transition
+from hoap3.remote_controller.scheduling.changes import FILE
+
+Seconds = Annotated[float, Field(strict=True, ge=0)]
+
+
+class Transition:
+    """A matrix, each entry of which is at rest or on its way from one value to another.
+
+    On the way it follows (15) of Liu, Tan and Padois (2015), between any two values:
+
+        a(t) = a_1 + (a_2 − a_1)·(0.5 − 0.5 cos(π(t − t_1)/(t_2 − t_1))),  t_1 ≤ t ≤ t_2
+
+    Args:
+        value: (k, k), where they begin.
+
+    Attributes:
+        value: (k, k), at the time of the last `advance`; the same memory for ever.
+        end: when the last of them arrives [s].
+    """
+
+    def __init__(self, value: FloatArray) -> None:
+        self.value = value.copy()
+        self._start, self._goal, self._before = value.copy(), value.copy(), value.copy()
+        self._share, self._begin, self._over, self._end = np.zeros((4, *value.shape))
+        self._arrived = np.zeros(value.shape, bool)
+        self.end = 0.0
+
+    def rest(self, value: FloatArray) -> None:
+        """Put all entries to rest at values, (k, k)."""
+        self.value[:] = self._start[:] = self._goal[:] = value
+        self._begin[:] = self._end[:] = 0.0
+        self._over[:] = 1.0
+        self.end = 0.0
+
+    def head(
+        self, goal: FloatArray, which: NDArray[np.bool_], time_s: float, over_s: float
+    ) -> None:
+        """Send entries from where they are to a goal.
+
+        Args:
+            goal: (k, k).
+            which: (k, k), entries that set out.
+            time_s: now [s], that of the last `advance`.
+            over_s: duration [s]; 0: at once.
+        """
+        np.copyto(self._start, self.value, where=which)
+        np.copyto(self._goal, goal, where=which)
+        np.copyto(self._begin, time_s, where=which)
+        np.copyto(self._over, over_s or 1.0, where=which)
+        np.copyto(self._end, time_s + over_s, where=which)
+        self.end = float(self._end.max(initial=0.0, where=self._start != self._goal))
+
+    def advance(self, time_s: float) -> bool:
+        """Write `value` for a time [s]; whether it is another than before."""
+        share, value = self._share, self.value
+        self._before[:] = value
+        np.subtract(time_s, self._begin, out=share)
+        np.divide(share, self._over, out=share)
+        np.clip(share, 0.0, 1.0, out=share)
+        np.multiply(share, np.pi, out=share)
+        np.cos(share, out=share)
+        np.multiply(share, -0.5, out=share)
+        np.add(share, 0.5, out=share)
+        np.subtract(self._goal, self._start, out=value)
+        np.multiply(value, share, out=value)
+        np.add(value, self._start, out=value)
+        np.greater_equal(time_s, self._end, out=self._arrived)
+        np.copyto(value, self._goal, where=self._arrived)
+        return not np.array_equal(value, self._before)
 
 
 class Schedule(ABC):
@@ -32,22 +95,37 @@ class Schedule(ABC):
     Args:
         names: of the tasks.
         start: the numbers, of the shape that they have.
-        timeline: changes by their time; each has `at_s` and `over_s`.
+        timeline: requests in any order; each has `at_s` and `over_s`.
 
     Attributes:
         names: of the tasks.
         moving: whether a transition is under way.
+        time_s: of the last `update` [s].
+
+    Raises:
+        ConfigError: a request of the timeline does not fit the tasks, or overlaps another one of
+            the same numbers in time.
     """
 
-    live: ClassVar[str]
-    """What errors call a change that comes while the robot moves."""
+    key: ClassVar[str]
+    """What the numbers are called: "priorities" or "weights"."""
     request: ClassVar[type[Settings]]
     """Its settings."""
 
     def __init__(self, names: Sequence[str], start: FloatArray, timeline: Sequence[Any]) -> None:
-        self.names, self._timeline = tuple(names), (*timeline,)
+        self.names = tuple(names)
         self._start, self._goal = start.copy(), start.copy()
         self._transition = Transition(start)
+        self._begin()
+        self._timeline: list[Any] = []
+        given = sorted(enumerate(timeline), key=lambda item: item[1].at_s)
+        for number, request in given:
+            with located("", f"timeline.{number}"):
+                change = self._asked(request, request.at_s)
+                for (other, _), earlier in zip(given, self._timeline, strict=False):
+                    _check_apart(other, earlier, change, self._shared(earlier, change))
+            self._set_out(change)
+            self._timeline.append(change)
         self.reset()
 
     @abstractmethod
@@ -56,7 +134,11 @@ class Schedule(ABC):
 
     @abstractmethod
     def _asked(self, request: Any, time_s: float) -> Any:
-        """A parsed request as a change that begins now; refuses what does not fit the tasks."""
+        """A parsed request as a change from a time on; refuses what does not fit the tasks."""
+
+    @abstractmethod
+    def _shared(self, earlier: Any, later: Any) -> str:
+        """The numbers that two changes have in common, for errors; "" for none."""
 
     @abstractmethod
     def _set_out(self, change: Any) -> None:
@@ -80,7 +162,7 @@ class Schedule(ABC):
         """
         for key, value in request.items():
             if str(key).split(".")[0] in numbers:
-                problem = f"does not go together with a {cls.live}"
+                problem = f"does not go together with a change of {cls.key}"
                 remedy = "Each kind is changed at a time of its own: send two changes"
                 raise ConfigError(FILE, str(key), value, problem, remedy)
 
@@ -90,6 +172,7 @@ class Schedule(ABC):
 
     def reset(self) -> None:
         """Go back to the start and its timeline; live changes are forgotten."""
+        self.time_s = 0.0
         self._begin()
         self._transition.rest(self._goal)
         self._next, self._changed, self.moving = 0, False, False
@@ -97,6 +180,7 @@ class Schedule(ABC):
 
     def update(self, time_s: float) -> bool:
         """Recompute the numbers for a time since the reset [s]; whether they are others."""
+        self.time_s = time_s
         if not (self.moving or self._changed) and time_s < self._next_at:
             return False
         self._advance(time_s)
@@ -114,9 +198,10 @@ class Schedule(ABC):
             ConfigError: something is wrong with it; nothing has been changed then.
         """
         content = dict(request) if isinstance(request, Mapping) else request
-        asked = parse(self.request, content, self.live)
+        name = f"change of {self.key}"
+        asked = parse(self.request, content, name)
         self._advance(time_s)
-        with located(self.live):
+        with located(name):
             self._set_out(self._asked(asked, time_s))
         self.moving = True
 
@@ -132,79 +217,7 @@ class Schedule(ABC):
         self.moving = time_s < self._transition.end
 
 
-@dataclass(frozen=True)
-class Change:
-    """A change of priorities.
-
-    Attributes:
-        at_s, over_s: begin and duration [s].
-        entries: (i, j, alpha_ij) that are set.
-        inserted, removed: tasks.
-    """
-
-    at_s: float
-    over_s: float
-    entries: Entries
-    inserted: tuple[int, ...]
-    removed: tuple[int, ...]
-
-    def pairs(self, k: int) -> frozenset[tuple[int, int]]:
-        """Pairs of the k tasks that it concerns, the lower number first."""
-        whole = {(i, j) for i in (*self.inserted, *self.removed) for j in range(k)}
-        return frozenset((min(i, j), max(i, j)) for i, j in {e[:2] for e in self.entries} | whole)
-
-
-def change_of(
-    request: ChangeRequest, names: Sequence[str], out: Collection[int], at_s: float
-) -> Change:
-    """A request, with numbers for the names.
-
-    Args:
-        request: what is asked for.
-        names: of the tasks.
-        out: tasks that take no part before it.
-        at_s: its begin [s].
-
-    Raises:
-        ConfigError: an unknown task, one that is named twice, a pair that is set twice, or a task
-            that is to be inserted and takes part already, or removed and does not.
-    """
-    entries = *set_entries(request.set, names), *order_entries(request.order, names)
-    inserted = places(request.insert, names, "insert")
-    removed = places(request.remove, names, "remove")
-    for i in inserted:
-        if i not in out:
-            problem, remedy = "takes part already", "Insert what was removed, or is `inactive`"
-            raise ConfigError("", "insert", names[i], problem, remedy)
-    for i in removed:
-        if i in out:
-            raise ConfigError("", "remove", names[i], "takes no part", "Remove what takes part")
-    return Change(at_s, request.over_s, entries, inserted, removed)
-
-
-def timeline_of(settings: PrioritySettings, names: Sequence[str]) -> tuple[Change, ...]:
-    """The changes of a config by their time.
-
-    Raises:
-        ConfigError: see `change_of`; or two changes of one pair that overlap in time.
-    """
-    given = sorted(enumerate(settings.timeline), key=lambda item: item[1].at_s)
-    out = set(places(settings.inactive, names, "inactive"))
-    changes: list[Change] = []
-    for number, request in given:
-        with located("", f"timeline.{number}"):
-            change = change_of(request, names, out, request.at_s)
-            for (other, _), earlier in zip(given, changes, strict=False):
-                shared = earlier.pairs(len(names)) & change.pairs(len(names))
-                i, j = min(shared, default=(0, 0))
-                about = f"the priorities of {names[i]} and {names[j]}" if shared else ""
-                check_apart(other, earlier, change, about)
-        out = (out | {*change.removed}) - {*change.inserted}
-        changes.append(change)
-    return tuple(changes)
-
-
-def check_apart(other: int, earlier: Any, later: Any, about: str) -> None:
+def _check_apart(other: int, earlier: Any, later: Any, about: str) -> None:
     """Refuse two changes of the same, unless one is over when the other begins.
 
     Args:

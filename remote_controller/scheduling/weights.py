@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.scheduling.priority_matrix import place
-from hoap3.remote_controller.scheduling.schedule import Schedule, check_apart
-from hoap3.remote_controller.scheduling.settings import Seconds
+from hoap3.remote_controller.scheduling.priorities import place
+from hoap3.remote_controller.scheduling.schedule import Schedule, Seconds
 
 Weight = Annotated[float, Field(strict=True, ge=0, le=1e6)]
 
@@ -55,20 +52,12 @@ class Weights(Schedule):
         ConfigError: an unknown task, or two changes of one weight that overlap in time.
     """
 
-    live, request = "change of weights", WeightRequest
+    key, request = "weights", WeightRequest
 
     def __init__(self, names: Sequence[str], settings: WeightSettings) -> None:
         self.names, start = tuple(names), np.ones(len(names))
         self._write(settings.weights, start)
-        given = sorted(enumerate(settings.timeline), key=lambda item: item[1].at_s)
-        for number, change in enumerate(settings.timeline):
-            with located("", f"timeline.{number}"):
-                self._write(change.weights, start.copy())
-        for (first, earlier), (number, later) in combinations(given, 2):
-            shared = [name for name in earlier.weights if name in later.weights]
-            with located("", f"timeline.{number}"):
-                check_apart(first, earlier, later, f"the weight of {shared[0]}" if shared else "")
-        super().__init__(names, start, [change for _, change in given])
+        super().__init__(names, start, settings.timeline)
         self.value = self._transition.value
 
     def shown(self) -> dict[str, Any]:
@@ -82,6 +71,10 @@ class Weights(Schedule):
     def _asked(self, request: WeightRequest, time_s: float) -> WeightChange:
         self._write(request.weights, self._goal.copy())
         return WeightChange(at_s=time_s, over_s=request.over_s, weights=request.weights)
+
+    def _shared(self, earlier: WeightChange, later: WeightChange) -> str:
+        shared = [name for name in earlier.weights if name in later.weights]
+        return f"the weight of {shared[0]}" if shared else ""
 
     def _set_out(self, change: WeightChange) -> None:
         which = np.array([name in change.weights for name in self.names])

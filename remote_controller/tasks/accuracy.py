@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.references.trajectories.tolerances import Violation
 
 TOLERANCE_M = 1e-3

@@ -35,7 +35,7 @@ class ComTask(Task):
 
         frame: str = Field("r_sole", description="frame that it is seen from")
         target: TargetSettings | None = Field(
-            None, description="where it shall be, in that frame; null: where it is at the start"
+            None, description="target position in that frame; null: its position at the start"
         )
         tolerance_m: ToleranceM = TOLERANCE_M
 
@@ -51,13 +51,13 @@ class ComTask(Task):
     def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
         task = cls(context.kinematics, parameters.frame, np.zeros(3))
-        task.tune(parameters)
+        task.apply(parameters)
         target = target_of(parameters.target, context.folder)
         tolerances = tolerances_of(parameters.target, target, AXES, "m")
         return TaskFunction(task, target, parameters.weights, tolerances)
 
-    def tune(self, parameters: Any) -> None:
-        """Take the tolerance."""
+    def apply(self, parameters: Any) -> None:
+        """Read the tolerance."""
         self.tolerance_m = parameters.tolerance_m
 
     def update(self, kinematics: Kinematics) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
@@ -12,8 +11,8 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import ErrorUnit, TaskError, norm_error
@@ -63,6 +62,7 @@ class LyapunovFunction(ABC):
         error_rate: ∂error/∂t, (m,), what the target's motion makes; 0 where nobody sets it.
         status: one of `tasks.status`.
         watched: whether it has tolerances that `watch` compares with.
+        parameters: of which it was built, where it was configured.
         tolerance: greatest |error|, or √(2V) where it has none, that counts as reached, in `unit`;
             None: that of the unit.
     """
@@ -70,6 +70,7 @@ class LyapunovFunction(ABC):
     unit: ClassVar[ErrorUnit] = ""
     """Of the error: "m", "rad", "N", "N m", or "" for any other."""
     tolerance: float | None = None
+    parameters: Any = None
 
     class Parameters(Settings):
         """Settings of this function; none here."""
@@ -136,23 +137,14 @@ class LyapunovFunction(ABC):
             time_s: tick of the robot × its period [s].
         """
 
-    def tune(self, parameters: Any) -> None:  # noqa: B027 - most have nothing that changes
-        """Take changed parameters, whose numbers that are declared changeable may be others.
+    def apply(self, parameters: Any) -> None:  # noqa: B027 - most have nothing that changes
+        """Read the parameters that may change: when it is built, and in a live change.
 
-        Comes between two updates. Only of a class with a `tune` of its own they can be changed.
-        """
-
-    def fits(self, parameters: Any) -> None:  # noqa: B027 - most refuse nothing
-        """Refuse changed parameters, as when it is built.
+        Comes between two updates. Numbers of a class without an `apply` of its own cannot change.
 
         Raises:
-            ConfigError: with file "" and the key inside the parameters.
+            ConfigError: they do not fit; with file "" and the key inside the parameters.
         """
-
-    def stands_for(self, key: str) -> float | Sequence[float] | None:
-        """What a number that is null, or empty, stands for; None where no number does."""
-        del key
-        return None
 
     def accuracy(self) -> list[TaskError]:
         """Errors at the last `update`, each with its tolerance: |error|, or √(2V) without one."""

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.live.live_settings import LivePostureSettings
 from hoap3.remote_controller.references.postures import PostureValues, posture_of
@@ -88,7 +88,7 @@ class PostureTask(Task):
         target = positions_of(robot, parameters, joints)
         task = cls(context.kinematics, joints, target)
         task.prismatic = prismatic_joints(robot)[joints]
-        task.tune(parameters)
+        task.apply(parameters)
         if aim is None:
             point = Approach(Point(target), parameters.approach_s)
             return TaskFunction(task, point, parameters.weights)
@@ -101,8 +101,8 @@ class PostureTask(Task):
         tolerances = aim.tolerances(path, names, units)
         return TaskFunction(task, path, parameters.weights, tolerances)
 
-    def tune(self, parameters: Any) -> None:
-        """Take the tolerances."""
+    def apply(self, parameters: Any) -> None:
+        """Read the tolerances."""
         self.tolerances = parameters.tolerance_m, parameters.tolerance_deg
 
     def update(self, kinematics: Kinematics) -> None:

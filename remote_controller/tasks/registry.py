@@ -10,11 +10,10 @@ from pydantic import Field
 
 from hoap3.protocol.config.plugins import PluginGroup, building
 from hoap3.protocol.config.settings import RobotName, Settings, parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.scheduling.numbers import Part, Path, Place, private
-from hoap3.remote_controller.scheduling.priority_matrix import distinct
+from hoap3.remote_controller.scheduling.priorities import distinct
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, Level, LyapunovFunction
@@ -155,6 +154,7 @@ def build(
     with building(found, settings.task, description, parameters, file, *keys):
         try:
             function: LyapunovFunction = found.configured(context, parameters)
+            function.parameters = parameters
             if settings.tolerance is not None:
                 getattr(function, "task", function).tolerance = settings.tolerance
             if settings.task not in BUILTIN:
@@ -164,32 +164,6 @@ def build(
             value = getattr(parameters, error.key, None)
             raise ConfigError("", error.key, value, str(error), "Correct them") from error
     return function
-
-
-def part_of(
-    settings: TaskSettings,
-    function: LyapunovFunction,
-    path: Path,
-    place: Place,
-    file: str,
-    level: Level = "velocity",
-) -> Part | None:
-    """The parameters of a task, as far as they may change; None where it takes no changes.
-
-    Args:
-        settings: of which it was built.
-        function: itself.
-        path, place: of the settings among those of the controller, as of `Part`.
-        file: where they stand, for errors.
-        level: what the controller commands.
-    """
-    if type(function).tune is LyapunovFunction.tune:
-        return None
-    key = ".".join(map(str, ("parameters", *place)))
-    parameters = private(check_parameters(settings, file, key, level))
-    place = (*place, "parameters")
-    given = function.tune, function.fits, function.stands_for
-    return Part((*path, "parameters"), place, parameters, *given)
 
 
 def build_with_error(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from hoap3.protocol.config.changeable import CHANGEABLE
+from hoap3.protocol.config.changeable import CHANGEABLE, UNIT_WEIGHT
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -32,7 +32,7 @@ class Task(ABC):
     class Parameters(Settings):
         """Settings that every task has."""
 
-        weights: tuple[float, ...] = Field(
+        weights: Annotated[tuple[float, ...], UNIT_WEIGHT] = Field(
             (),
             description="W of V = ½ eᵀWe: one number, or one for each component of e; empty: 1",
             json_schema_extra=CHANGEABLE,
@@ -60,8 +60,8 @@ class Task(ABC):
     def update(self, kinematics: Kinematics) -> None:
         """Recompute error and Jacobian; `kinematics` is up to date."""
 
-    def tune(self, parameters: Any) -> None:  # noqa: B027 - some have nothing else
-        """Take changed parameters; weights are the function's."""
+    def apply(self, parameters: Any) -> None:  # noqa: B027 - some have nothing else
+        """Read the parameters that may change; `TaskFunction` reads the weights."""
 
     @abstractmethod
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:

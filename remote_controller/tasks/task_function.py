@@ -91,14 +91,10 @@ class TaskFunction(LyapunovFunction):
         )
         self.status = task.status
 
-    def tune(self, parameters: Any) -> None:
-        """Take weights, and what the task has."""
+    def apply(self, parameters: Any) -> None:
+        """Read the weights, and what the task has."""
         self._roots[:] = self._roots_of(parameters)
-        self.task.tune(parameters)
-
-    def fits(self, parameters: Any) -> None:
-        """Refuse weights that make no V."""
-        self._roots_of(parameters)
+        self.task.apply(parameters)
 
     def weighted(self, jacobian: FloatArray, parameters: Any) -> FloatArray:
         """√W·∂e/∂q, (m, n), with the weights of some parameters.
@@ -118,10 +114,6 @@ class TaskFunction(LyapunovFunction):
         except BadProblemError as error:
             given, remedy = parameters.weights, "Correct them"
             raise ConfigError("", error.key, given, str(error), remedy) from error
-
-    def stands_for(self, key: str) -> float | None:
-        """Weights are 1 where none is given."""
-        return 1.0 if key == "weights" else None
 
     def accuracy(self) -> list[TaskError]:
         """Errors of the task, without weights; components of weight 0 are left out.

@@ -6,14 +6,14 @@ import sys
 
 import pytest
 
-from hoap3.protocol.errors import ConfigError, DescriptionError
+from hoap3.protocol.errors import DescriptionError
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
 from hoap3.remote_controller.controllers.base import agreed
 from hoap3.remote_controller.registry import find
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import controller_settings, suited
+from hoap3.tools.services.configs import load_controller_config, resolve_configs
 
 
 def shipped(config: str) -> str:
@@ -24,7 +24,7 @@ def shipped(config: str) -> str:
 def chosen(robot: str, controller: str, command: str | None = None) -> str | None:
     emulator = EmulatorConfig(robot=robot, command=command)
     names = "config", shipped(controller)
-    return suited(emulator, ControllerConfig(controller=controller), names)[0].command
+    return resolve_configs(emulator, ControllerConfig(controller=controller), names)[0].command
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_robot_that_was_started_otherwise_is_told_how_to_start_it():
     lwr = describe(EmulatorConfig(robot="lwr"))
     assert lwr.command_kinds == ("position",)
     with pytest.raises(DescriptionError, match="--set command=torque") as caught:
-        build(controller_settings("ghc"), lwr, shipped("ghc"))
+        build(load_controller_config("ghc")[0], lwr, shipped("ghc"))
     assert "lwr_weightless" in str(caught.value)
 
 
@@ -68,13 +68,7 @@ def test_where_nothing_fits_both_are_named():
         agreed(("torque",), load("hoap3"))
 
 
-def test_a_dotted_path_of_version_0_1_is_refused_with_the_name_of_today(tmp_path, monkeypatch):
-    old = "remote_controller.controllers.qp12:Qp12Controller"
-    with pytest.raises(ConfigError) as refused:
-        find(old, "old.yaml")
-    error = refused.value
-    assert (error.file, error.key, error.value) == ("old.yaml", "controller", old)
-    assert error.remedy == "Write qp12"
+def test_a_package_of_the_user_may_be_called_as_a_room(tmp_path, monkeypatch):
     package = tmp_path / "remote_controller"
     package.mkdir()
     (package / "__init__.py").touch()
@@ -82,7 +76,7 @@ def test_a_dotted_path_of_version_0_1_is_refused_with_the_name_of_today(tmp_path
         "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller\n\n\n"
         "class Mine(Qp12Controller):\n    pass\n"
     )
-    monkeypatch.syspath_prepend(tmp_path)  # a package of the user's that is called as our room
+    monkeypatch.syspath_prepend(tmp_path)
     try:
         assert find("remote_controller.mine:Mine", "mine.yaml").__name__ == "Mine"
     finally:

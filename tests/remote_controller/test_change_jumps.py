@@ -52,11 +52,8 @@ def asked(controller: Controller, chosen: dict[int, float]) -> dict[str, Any]:
     changes = controller._ready_for_changes()
     for place, factor in chosen.items():
         number = changes.numbers[place]
-        value = number.read()
-        if value is None:
-            key = ".".join(map(str, number.inner))
-            value = changes._parts[number.part].unset(key)
-        found[number.key] = [factor] if isinstance(value, tuple) else factor * value
+        value, present = number.read(), number.numbers(number.read(), controller.description)
+        found[number.key] = [factor] if isinstance(value, tuple) else factor * present[0]
     return found
 
 
@@ -65,8 +62,7 @@ def follow(other: Controller, controller: Controller) -> None:
     mine, theirs = controller._ready_for_changes(), other._ready_for_changes()
     for number, its in zip(mine.numbers, theirs.numbers, strict=True):
         its.write(number.read())
-    for part in theirs._parts:
-        part.take(part.settings)
+    theirs._apply_present(theirs._parts)
 
 
 @pytest.mark.parametrize("law", EACH)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -22,8 +22,8 @@ from changed_numbers import (
 )
 from pydantic import Field
 
-from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.errors import UsageError
+from hoap3.protocol.config.changeable import CHANGEABLE, Unset
+from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.controllers.base import VelocityController
 from hoap3.remote_controller.registry import BUILTIN
@@ -131,19 +131,14 @@ BAD = [
     ({"gama": 0.3}, "gama: unknown key"),
     ({"gamma": 3.0}, "gamma: should be less than or equal to 1"),
     ({"gamma": float("nan")}, "gamma: should be a finite number"),
-    ({"gamma": "0.3"}, "gamma: should be a valid number"),
-    ({"gamma": True}, "gamma: "),
     ({"gamma": None}, "gamma: "),
-    ({"gamma": [0.3]}, "gamma: "),
     ({"gamma": {"of": 0.3}}, "gamma: "),
     ({"psi_scale": "one"}, "psi_scale: does not change while it runs"),
     ({"change_over_s": 1.0}, "change_over_s: does not change while it runs"),
     ({}, "names no number"),
     ({"over_s": 1.0}, "names no number"),
     ({"gamma": 0.3, "over_s": -1.0}, "over_s: "),
-    ({"gamma": 0.3, "over_s": float("inf")}, "over_s: "),
     ({"gamma": 0.3, "beta": -1.0}, "beta: should be greater than 0"),
-    ({"gamma.x": 0.3}, "gamma.x: unknown key"),
     ({"": 0.3}, "unknown key"),
 ]
 
@@ -279,6 +274,47 @@ def test_a_declared_number_of_ones_own_moves_by_the_cosine():
     wanted = 0.001 + 0.002 * (0.5 - 0.5 * np.cos(np.pi * gone))
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-15)
     assert found[-1] == 0.003
+
+
+class Limited(Steady):
+    """The same within a limit, which it keeps in a form of its own."""
+
+    class Parameters(Steady.Parameters):
+        """And how fast at most."""
+
+        limit_rad_s: Annotated[float | None, Unset(lambda own, _: 2.0 * own.speed_rad_s)] = Field(
+            None, gt=0, description="of joint 1", json_schema_extra=CHANGEABLE
+        )
+
+    def __init__(self, description: Any, parameters: Any) -> None:
+        super().__init__(description, parameters)
+        self.apply(parameters)
+
+    def apply(self, parameters: Any) -> None:
+        """Read the limit; no more than 0.008."""
+        self.applied = parameters.limit_rad_s, parameters.speed_rad_s
+        if (parameters.limit_rad_s or 0.0) > 0.008:
+            raise ConfigError("", "limit_rad_s", parameters.limit_rad_s, "is too high", "Less")
+
+
+def test_what_apply_refuses_leaves_the_present_numbers_applied():
+    controller = Limited(load("hoap3"), Limited.Parameters())
+    resting(controller)
+    with pytest.raises(UsageError, match="change: limit_rad_s"):
+        controller.change({"limit_rad_s": 0.009, "speed_rad_s": 0.002})
+    assert controller.applied == (None, 0.001)
+    controller.change({"limit_rad_s": 0.004, "speed_rad_s": 0.002})
+    assert controller.applied == (None, 0.001)
+
+
+def test_a_number_that_is_null_sets_out_from_what_it_stands_for():
+    controller = Limited(load("hoap3"), Limited.Parameters())
+    state = resting(controller)
+    controller.change({"limit_rad_s": 0.004, "over_s": 0.002})
+    for state.tick in (2, 3):
+        controller.step(state)
+        wanted = 0.003 if state.tick == 2 else 0.004
+        assert controller.applied == (pytest.approx(wanted, abs=1e-15), 0.001)
 
 
 def test_a_change_on_the_way_sets_out_from_where_the_number_is():

@@ -16,7 +16,8 @@ from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import Simulation, controller_settings
+from hoap3.tools.services.configs import load_controller_config
+from hoap3.tools.simulate import Simulation
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controllers.velocity import ghc_velocity
@@ -84,7 +85,7 @@ def assert_follows(seconds: float) -> None:
     assert jerk <= 0.1 * naive_jerk
     again, _ = steered(seconds)
     assert all(one == other for one, other in zip(again.records, run.records, strict=True))
-    assert replay_records(run.records, controller_settings("steered_ur5")).identical
+    assert replay_records(run.records, load_controller_config("steered_ur5")[0]).identical
     found = verified(run.records)
     assert (found["false"], found["unverified"]) == (0, 0)
 
@@ -92,7 +93,7 @@ def assert_follows(seconds: float) -> None:
 def verified(records: list[Record]) -> dict[str, Any]:
     """What is recomputed of the answers without the code that made them."""
     (logged,), claims = list(runs(records)), Claims()
-    ghc_velocity.check(logged, controller_settings("steered_ur5").parameters, claims)
+    ghc_velocity.check(logged, load_controller_config("steered_ur5")[0].parameters, claims)
     return claims.as_json()
 
 
@@ -108,7 +109,7 @@ def test_for_a_minute_too():
 
 def test_without_the_targets_of_its_log_a_replay_differs():
     run, _ = steered(1.0)
-    config = controller_settings("steered_ur5")
+    config = load_controller_config("steered_ur5")[0]
     fewer = [record for record in run.records if record.kind != Kind.TARGET]
     assert not replay_records(fewer, config).identical
 

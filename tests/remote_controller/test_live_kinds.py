@@ -18,7 +18,8 @@ from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import Simulation, controller_settings, emulator_settings
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.simulate import Simulation
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
@@ -240,7 +241,7 @@ def test_targets_are_taken_replayed_to_the_bit_and_verified(case):
     done, law, loop = steered(case, seconds)
     assert loop.steering.taken >= 7, loop.steering.refused
     assert (done.states["mode"][: round(seconds / T)] != State.STOPPED).all()
-    assert replay_records(done.records, controller_settings(law)).identical
+    assert replay_records(done.records, load_controller_config(law)[0]).identical
     found = verified(done.records, law)
     assert (found["false"], found["unverified"]) == (0, 0), found
     for which in range(len(done.controller.live)):
@@ -257,8 +258,8 @@ def built(kind: str, level: str, **parameters: Any) -> Any:
         law["parameters"]["tasks"] = [task(kind, "one", **parameters)]
         law["parameters"]["priorities"] = {"order": ["one"]}
     arm = ACCELERATED if level == "acceleration" else "ur5"
-    robot = emulator_settings("lwr_with_table" if kind == "wrench" else arm, 0)
-    return build(controller_settings(law), describe(robot)).live
+    robot = load_emulator_config("lwr_with_table" if kind == "wrench" else arm, seed=0)[0]
+    return build(load_controller_config(law)[0], describe(robot)).live
 
 
 LIVE = {"kind": "live"}
@@ -325,8 +326,8 @@ def test_two_live_targets_of_one_wrench_need_names():
 
 @pytest.mark.parametrize("kind", ["frame_orientation", "frame_pose"])
 def test_with_a_free_base_orientations_are_steered_against_a_frame_alone(kind):
-    config = controller_settings("ghc_standing").model_copy(deep=True)
-    tasks, robot = config.parameters["tasks"], describe(emulator_settings(STANDING, 0))
+    config = load_controller_config("ghc_standing")[0].model_copy(deep=True)
+    tasks, robot = config.parameters["tasks"], describe(load_emulator_config(STANDING, seed=0)[0])
     tasks[1] = task(kind, "upright", frame="head", target=LIVE)
     with pytest.raises(ConfigError, match="reference"):
         build(config, robot)
@@ -371,7 +372,7 @@ def test_a_stale_pose_is_held_or_left_for_the_begin_or_stops_the_robot(policy):
     assert np.linalg.norm(found[:3] - wanted[:3]) < 1e-3
     assert turned.magnitude() < 1e-3
     assert (1050 < stopping[0] < 1150) if policy == "stop" else not stopping.size
-    assert replay_records(done.records, controller_settings(law)).identical
+    assert replay_records(done.records, load_controller_config(law)[0]).identical
 
 
 @pytest.mark.slow

@@ -24,9 +24,10 @@ from hoap3.remote_controller.service import Service
 from hoap3.remote_controller.tasks.error_task import ErrorTask
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.show.certificate_count import CountingRecorder
-from hoap3.tools.show.verdicts import judge
-from hoap3.tools.simulate import Lockstep, controller_file, controller_settings, emulator_settings
+from hoap3.tools.analysis.certificates import CountingRecorder
+from hoap3.tools.analysis.verdicts import judge
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.simulate import Lockstep
 
 NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
 
@@ -38,8 +39,12 @@ Told = dict[str, Any]
 def run(controller: Any, duration: float, robot: str = "hoap3") -> tuple[Told, list[State], list]:
     """What the controller told, the States that asked, and its records."""
     log, robot_log = MemoryRecorder(), MemoryRecorder()
-    file = controller_file(controller) if isinstance(controller, str) else str(CONFIGS / "x.yaml")
-    settings = emulator_settings(robot, 0), controller_settings(controller)
+    file = (
+        load_controller_config(controller)[1]
+        if isinstance(controller, str)
+        else str(CONFIGS / "x.yaml")
+    )
+    settings = load_emulator_config(robot, seed=0)[0], load_controller_config(controller)[0]
     lockstep = Lockstep(*settings, robot_log, log, files=("robot", file))
     lockstep.run(duration)
     states = []
@@ -236,7 +241,7 @@ def test_a_task_of_ours_refuses_the_tolerance_of_others():
 
 def answers_of(statuses: list[int], present: list[int], certifies: bool) -> Told:
     """What comes of answers with these statuses, while these conditions hold."""
-    controller = build(controller_settings("qp12"), HOAP3)
+    controller = build(load_controller_config("qp12")[0], HOAP3)
     controller.certifies, controller.not_certified_in = certifies, 2
     controller.conditions = ("touches", "priorities in transition")
     outcome, state = Outcome(controller, HOAP3), State.allocate(**HOAP3.state_lengths)
@@ -317,7 +322,10 @@ def test_margins_are_judged_where_there_are_constraints():
     ],
 )
 def test_a_margin_of_minus_infinity_or_nan_is_a_violation(margins, least, verdict):
-    settings = emulator_settings("hoap3", 0), controller_settings(controller_file("stable_qp"))
+    settings = (
+        load_emulator_config("hoap3", seed=0)[0],
+        load_controller_config(load_controller_config("stable_qp")[1])[0],
+    )
     outcome = Outcome(Lockstep(*settings, NoRecorder(), NoRecorder()).controller, HOAP3)
     state, answer = State(HOAP3.n), Setpoint(HOAP3.n)
     state.q[:] = HOAP3.initial_position
@@ -334,7 +342,6 @@ class Link:
 
     robot = "hoap3"
     session_id = 7
-    wire_version = 1
 
     def name_conflict(self) -> str:
         return ""

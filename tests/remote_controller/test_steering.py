@@ -20,7 +20,8 @@ from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.references.live.live_plan import Bounds
 from hoap3.remote_controller.steering import LEASE_S, REFUSALS, Steering
 from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import Simulation, controller_settings
+from hoap3.tools.services.configs import load_controller_config
+from hoap3.tools.simulate import Simulation
 
 T = 1e-3
 LEASE = round(LEASE_S / T)
@@ -298,7 +299,7 @@ def fuzzed(
     assert len(taken) == fuzz.steering.taken
     sent = {Target.scalars(record.payload, "target") for record in taken}
     assert len(sent) == len(done.controller.live)
-    assert replay_records(done.records, controller_settings(config)).identical
+    assert replay_records(done.records, load_controller_config(config)[0]).identical
     told = [json.loads(r.payload) for r in done.records if r.kind == Kind.SUMMARY][-1]["targets"]
     assert told["taken"] == fuzz.steering.taken
     return done
@@ -354,7 +355,7 @@ def test_without_a_robot_that_follows_nothing_is_taken():
 
 def test_a_stale_target_that_stops_makes_the_robot_stop_safely():
     target = {"kind": "live", "stale_after_s": 0.2, "when_stale": "stop"}
-    config = controller_settings("steered_ur5").model_copy(deep=True)
+    config = load_controller_config("steered_ur5")[0].model_copy(deep=True)
     config.parameters["tasks"][0]["parameters"]["target"] = target
 
     def steer(loop: ControllerLoop) -> None:

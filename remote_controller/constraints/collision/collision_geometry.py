@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]

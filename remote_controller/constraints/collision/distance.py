@@ -9,10 +9,14 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.constraints.barrier import (
+    ETA_FIELD,
+    RESERVE_FIELD,
+    RETURN_SPEED_FIELD,
+)
 from hoap3.remote_controller.constraints.collision.collision_geometry import (
     AnyObstacle,
     Body,
@@ -88,34 +92,20 @@ class Distance(Constraint):
         rows: int = Field(
             200, ge=3, description="most rows: up to three a near pair, of two boxes four"
         )
-        eta_per_s: float = Field(
-            10.0,
-            gt=0,
-            description="η of (25), at most 1/period [1/s]; for accelerations at most 0.6/period, "
-            "and this default no more than joints can brake with",
-            json_schema_extra=CHANGEABLE,
-        )
-        reserve_m: float = Field(
-            1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
-        )
-        return_speed_m_s: float = Field(
-            0.05,
-            gt=0,
-            description="fastest return from outside that is asked for [m/s]",
-            json_schema_extra=CHANGEABLE,
-        )
+        eta_per_s: float = ETA_FIELD
+        reserve_m: float = RESERVE_FIELD
+        return_speed_m_s: float = RETURN_SPEED_FIELD
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
         from hoap3.remote_controller.constraints.collision.distance_kernels import distance_rows
 
-        self.check_rate(parameters.eta_per_s)
         self._write_rows = distance_rows
         self._brakes: tuple[FloatArray, FloatArray] | None = None  # where rows are of accelerations
         self._settings = np.array(
             (
                 *(parameters.clearance_m, parameters.activation_m, parameters.spread_m),
-                *(parameters.eta_per_s, parameters.reserve_m, parameters.return_speed_m_s),
+                *(self.rate_of(parameters), parameters.reserve_m, parameters.return_speed_m_s),
                 parameters.contact_m,
             )
         )
@@ -133,18 +123,10 @@ class Distance(Constraint):
         self.events.update(rows_short=0, crossing=0, immovable=0)
         self._place(self._chosen(parameters, kinematics), kinematics)
 
-    def tune(self, parameters: Parameters) -> None:
-        """Take η and the speed of the return."""
-        eta = parameters.eta_per_s
-        if self._brakes is not None:
-            eta = self.fit_rate(parameters, *self._brakes)
-        self._settings[ETA], self._settings[RETURN] = eta, parameters.return_speed_m_s
-
-    def fits(self, parameters: Parameters) -> None:
-        """Refuse an η that oversteps the limit, or asks for more than joints brake with."""
-        self.check_rate(parameters.eta_per_s)
-        if self._brakes is not None:
-            self.fit_rate(parameters, *self._brakes)
+    def apply(self, parameters: Parameters) -> None:
+        """Read η and the speed of the return."""
+        self._settings[ETA] = self.rate_of(parameters, self._brakes)
+        self._settings[RETURN] = parameters.return_speed_m_s
 
     def update(
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
@@ -159,7 +141,7 @@ class Distance(Constraint):
         )
 
         self._brakes = speed, deceleration
-        self._settings[ETA] = self.fit_rate(self.parameters, speed, deceleration)
+        self._settings[ETA] = self.rate_of(self.parameters, self._brakes)
         self._margins_at = kernels.distance_margins
         self._accelerate = kernels.distance_accelerations
         self._looks = np.zeros((3, self.margins.size))
@@ -187,9 +169,9 @@ class Distance(Constraint):
             self._look(behind, self._looks[2])
         self._looks[0] = self.margins
         _, _, twists, order = motion.kinematics.frames()
-        followers, dq, rows = motion.kinematics.followers, motion.dq, G_out
-        if followers is not None:
-            dq, rows = followers.velocities(dq), self._full_rows
+        mimic_joints, dq, rows = motion.kinematics.mimic_joints, motion.dq, G_out
+        if mimic_joints is not None:
+            dq, rows = mimic_joints.velocities(dq), self._full_rows
         self._accelerate(
             self._contacts,
             twists,
@@ -224,7 +206,7 @@ class Distance(Constraint):
         self, kinematics: Kinematics, A_out: FloatArray, b_out: FloatArray
     ) -> tuple[float, int, int, int]:
         origins, rotations, twists, order = kinematics.frames()
-        followers = kinematics.followers
+        mimic_joints = kinematics.mimic_joints
         counts = self._write_rows(
             origins,
             rotations,
@@ -235,12 +217,12 @@ class Distance(Constraint):
             self._carried,
             self._settings,
             self.margins,
-            A_out if followers is None else self._full_rows,
+            A_out if mimic_joints is None else self._full_rows,
             b_out,
             self._contacts,
         )
-        if followers is not None:
-            followers.columns(self._full_rows, A_out)
+        if mimic_joints is not None:
+            mimic_joints.columns(self._full_rows, A_out)
         return counts
 
     def _chosen(self, parameters: Parameters, kinematics: Kinematics) -> list[tuple[Body, Body]]:

@@ -57,8 +57,7 @@ class FixedFrame(Constraint):
         from hoap3.remote_controller.constraints.frames.fixed_frame_kernels import kept_rows
 
         self._kept_rows = kept_rows
-        self.check_rate(parameters.eta_per_s)
-        self._eta = parameters.eta_per_s
+        self._eta = self.rate_of(parameters)
         self._frame = kinematics.frame_id(parameters.frame)
         self._seen_from = kinematics.frame_id(parameters.reference or self.description.base_frame)
         self._axes = np.array([AXES.index(axis) for axis in dict.fromkeys(parameters.axes)])
@@ -77,7 +76,7 @@ class FixedFrame(Constraint):
 
     def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
         """Fit η to the period."""
-        self._eta = self.fit_rate(self.parameters, speed, np.full(self.n, np.inf))
+        self._eta = self.rate_of(self.parameters, (speed, np.full(self.n, np.inf)))
         self._bend = np.zeros(6)
 
     def update_accelerations(

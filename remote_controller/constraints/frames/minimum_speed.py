@@ -52,9 +52,8 @@ class MinimumSpeed(Constraint):
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
-        self.check_rate(parameters.eta_per_s)
         self._speed, self._tolerance = parameters.speed, parameters.tolerance
-        self._eta = parameters.eta_per_s
+        self._eta = self.rate_of(parameters)
         self._direction: FloatArray | None = None
         self._a = np.zeros(self.n)
         if bool(parameters.joints) == (parameters.frame is not None):

@@ -67,20 +67,16 @@ class JointPosition(Constraint):
         from hoap3.remote_controller.constraints import limit_kernels as kernels
 
         self._narrow_to_range, self._intersect_box = kernels.narrow_to_range, kernels.intersect_box
-        self.check_rate(parameters.eta_per_s)
         names = self.description.joint_names if parameters.joints is None else parameters.joints
         self._range = JointRange(self, parameters.margin_rad, names)
         self._least, self._greatest = self._range.least, self._range.greatest
-        self.tune(parameters)
+        self.apply(parameters)
         self._source = parameters.positions_from
 
-    def tune(self, parameters: Parameters) -> None:
-        """Take η and the speed of the return."""
-        self._eta, self._return_speed = parameters.eta_per_s, parameters.return_speed_rad_s
-
-    def fits(self, parameters: Parameters) -> None:
-        """Refuse an η that oversteps the limit."""
-        self.check_rate(parameters.eta_per_s)
+    def apply(self, parameters: Parameters) -> None:
+        """Read η and the speed of the return."""
+        self._eta = self.rate_of(parameters)
+        self._return_speed = parameters.return_speed_rad_s
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow by (25)."""

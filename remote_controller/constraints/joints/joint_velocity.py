@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.config.changeable import CHANGEABLE
+from hoap3.protocol.config.changeable import CHANGEABLE, GREATEST_SPEED
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
@@ -24,7 +24,7 @@ class JointVelocity(Constraint):
     class Parameters(Constraint.Parameters):
         """Limits; none is above what the robot can do."""
 
-        limit_rad_s: float | None = Field(
+        limit_rad_s: Annotated[float | None, GREATEST_SPEED] = Field(
             None,
             gt=0,
             description="ω of every joint; none: the robot's own [rad/s or m/s]",
@@ -42,27 +42,22 @@ class JointVelocity(Constraint):
         from hoap3.remote_controller.constraints import limit_kernels as kernels
 
         self._intersect_box, self._change_within = kernels.intersect_box, kernels.change_within
-        self._upper = self.speed_max = self._limits(parameters)
-        self._lower = -self._upper
         self._first = np.full(self.n, np.inf)  # what limits must not exceed
+        self._lower, self._upper = np.zeros((2, self.n))
+        self.speed_max = self._upper
+        self.apply(parameters)
 
-    def fits(self, parameters: Parameters) -> None:
-        """Refuse limits above those to which η of rows of accelerations was fitted."""
-        above = self._limits(parameters) > self._first
+    def apply(self, parameters: Parameters) -> None:
+        """Read ω; limits above those to which η of rows of accelerations was fitted are refused."""
+        limits = self._limits(parameters)
+        above = limits > self._first
         if above.any():
             joint = int(np.argmax(above))
             problem = "is above the limit that other constraints reckon with"
             remedy = f"At most {self._first[joint]}, that of the config"
             raise ConfigError("", "limit_rad_s", parameters.limit_rad_s, problem, remedy)
-
-    def tune(self, parameters: Parameters) -> None:
-        """Take ω."""
-        self._upper[:] = self._limits(parameters)
+        self._upper[:] = limits
         np.negative(self._upper, out=self._lower)
-
-    def stands_for(self, key: str) -> float | None:
-        """The greatest speed of any joint, which limits none."""
-        return float(self.description.velocity.max()) if key == "limit_rad_s" else None
 
     def _limits(self, parameters: Parameters) -> FloatArray:
         own, all_of_them = parameters.joints_rad_s, parameters.limit_rad_s

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.errors import BadProblemError, ConfigError
+from hoap3.protocol.limits.viability_bounds import AccelerationBounds
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.constraints.joints.joint_range import JointRange
 from hoap3.remote_controller.constraints.joints.reference_velocity import ReferenceVelocity

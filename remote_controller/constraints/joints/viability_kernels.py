@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from hoap3.protocol.limits.setpoint_limits_kernels import approach_speed
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.setpoint_limits_kernels import approach_speed
 from hoap3.protocol.runtime.numba_jit import kernel
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.support.polygon import half_planes, hull, inset
 from hoap3.remote_controller.model.kinematics import Kinematics
 

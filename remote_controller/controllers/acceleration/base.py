@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import located
+from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.acceleration_stack import KERNELS
-from hoap3.remote_controller.constraints.event_conditions import EventConditions
 from hoap3.remote_controller.constraints.registry import (
     build_accelerations,
-    parts_of,
     read,
 )
-from hoap3.remote_controller.controllers.acceleration.bounds import bounds_of
+from hoap3.remote_controller.constraints.stack import EventConditions
 from hoap3.remote_controller.controllers.acceleration.problem import (
     CONDITIONS,
     GAVE_UP,
@@ -42,7 +39,11 @@ from hoap3.remote_controller.controllers.acceleration.problem import (
     WHY,
     Problem,
 )
-from hoap3.remote_controller.controllers.acceleration.settings import HierarchyParameters
+from hoap3.remote_controller.controllers.acceleration.settings import (
+    HierarchyParameters,
+    RegularisedParameters,
+    bounds_of,
+)
 from hoap3.remote_controller.controllers.acceleration.soles.free_base import FreeBase
 from hoap3.remote_controller.controllers.acceleration.soles.settings import (
     ContactSettings,
@@ -50,13 +51,11 @@ from hoap3.remote_controller.controllers.acceleration.soles.settings import (
 )
 from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
 from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
-from hoap3.remote_controller.tasks.accelerations.settings import critical_damping
 from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError, name_errors
 
 CERTIFIED_RESIDUAL = 1e-9
@@ -124,15 +123,13 @@ class HierarchyController(Controller):
     Parameters: ClassVar[Any] = HierarchyParameters
     commands = ("torque", "acceleration")
     importance: Schedule
-    word: ClassVar[str] = "priorities"
-    """What its `importance` is called."""
     proves: ClassVar[bool] = False
     """Whether `residual` is found without the solver's word."""
     stands_free: ClassVar[bool] = True
     """Whether its problem can be that of a free base on soles."""
     kernels: ClassVar[tuple[str, ...]] = (
         "hoap3.remote_controller.controllers.progress_kernels",
-        "hoap3.protocol.robot.viability_bounds_kernels",
+        "hoap3.protocol.limits.viability_bounds_kernels",
         "hoap3.remote_controller.model.frame_dynamics_kernels",
         "hoap3.remote_controller.references.approach_kernels",
         "hoap3.remote_controller.solvers.tsid.tsid_kernels",
@@ -147,11 +144,7 @@ class HierarchyController(Controller):
     )
 
     def __init__(
-        self,
-        description: RobotDescription,
-        parameters: Any,
-        file: str = "config",
-        braking_per_s: float = 0.0,
+        self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         from hoap3.remote_controller.tasks.accelerations import se3_pd_kernels
         from hoap3.remote_controller.tasks.accelerations import (
@@ -169,7 +162,6 @@ class HierarchyController(Controller):
             file,
             self.torque_max,
             compensate_friction=parameters.compensate_friction,
-            braking_per_s=braking_per_s,
         )
         self.stack = build_accelerations(
             parameters.constraints,
@@ -191,6 +183,8 @@ class HierarchyController(Controller):
         self._free = self._on_soles(description, parameters.contacts, file)
         self.arrays = {"decision": 2 * n if self._free is None else self._free.decided}
         super().__init__(description, parameters)
+        self.parts = [*self.tasks.parts(), *self.stack.parts()]
+        self._brakes = getattr(parameters, "null_damping_per_s", 0.0) > 0.0
         self._check_finite = se3_pd_kernels.check_finite  # 0 where both arrays are finite
         self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
         self._give = kernels.give
@@ -338,44 +332,23 @@ class HierarchyController(Controller):
         Writes `found` and `effort`, (n,), and the `residual`.
         """
 
-    def change(self, request: Mapping[str, Any]) -> None:
-        """Begin a change of priorities, from the next tick that is not settled, or of numbers.
-
-        Args:
-            request: as for `Priorities.change`, or `Weights.change`; or numbers by their keys.
-
-        Raises:
-            ConfigError: something is wrong with it; nothing has been changed then.
-        """
-        if self.importance.is_asked(request):
-            self.importance.check_alone(request, super().changeable())
-            self.importance.change(request, self._settled * self._dt)
-        else:
-            super().change(request)
-
-    def changeable(self) -> dict[str, Any]:
-        """The numbers as they are, and the priorities, or weights, as they are settled."""
-        return {**super().changeable(), self.word: self.importance.shown()}
-
-    def parts(self) -> list[Part]:
-        """Its own settings, and those of its tasks and constraints."""
-        own: Any = self.parameters
-        stack = self.stack
-        kept = parts_of(own.constraints, stack.constraints, stack.labels)
-        return [*super().parts(), *self.tasks.parts(), *kept]
-
-    def tune(self, parameters: Any) -> None:
-        """Take the tasks' gains, and the greatest speed."""
+    def apply(self, parameters: Any) -> None:
+        """Read the tasks' gains, the greatest speed, and ω_r and d where there are such."""
+        if isinstance(parameters, RegularisedParameters):
+            d, brakes = parameters.null_damping_per_s, self._brakes
+            if (d > 0.0) != brakes:  # that is another problem
+                problem = "switches the braking off" if brakes else "switches the braking on"
+                remedy = "Take more than 0" if brakes else "Write it in the config, and restart"
+                raise ConfigError("", "null_damping_per_s", d, problem, remedy)
+            self.w_r = parameters.w_r
+            self.tasks.brake(d)
         self.tasks.gain(parameters.tasks)
-        self.bounds.tune(parameters.bounds)
+        self.bounds.apply(parameters.bounds)
 
-    def fits(self, parameters: Any) -> None:
+    def validate(self, parameters: Any) -> None:
         """Refuse bounds that do not fit the robot."""
-        self.bounds.fits(parameters.bounds)
-
-    def stands_for(self, key: str) -> float | None:
-        """Critical damping."""
-        return critical_damping(self.parameters, key)
+        super().validate(parameters)
+        self.bounds.validate(parameters.bounds)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin where the robot is; a joint that is outside its bounds here may stay there."""

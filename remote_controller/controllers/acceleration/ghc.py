@@ -7,15 +7,12 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
-from hoap3.remote_controller.controllers.acceleration.bounds import refuse_other_brakes
 from hoap3.remote_controller.controllers.acceleration.settings import RegularisedParameters
-from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.priority_matrix import top_level
-from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings, top_level
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
 from hoap3.remote_controller.tasks.registry import labels_of
@@ -40,22 +37,10 @@ class RankedController(HierarchyController):
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
-        super().__init__(description, parameters, file, parameters.null_damping_per_s)
-        self.w_r = parameters.w_r
+        super().__init__(description, parameters, file)
         self.alpha = np.zeros((len(self.tasks.names) + 1,) * 2)
-        self._brakes = parameters.null_damping_per_s > 0.0
         self.alpha[-1] = 0.0 if self._brakes else 1.0  # out of all, also itself: there is no such
-
-    def tune(self, parameters: Any) -> None:
-        """Take ω_r and d as well."""
-        super().tune(parameters)
-        self.w_r = parameters.w_r
-        self.tasks.brake(parameters.null_damping_per_s)
-
-    def fits(self, parameters: Any) -> None:
-        """Refuse to begin to brake, or to end it: that is another problem."""
-        super().fits(parameters)
-        refuse_other_brakes(parameters, brakes=self._brakes)
+        self.apply(parameters)
 
     @classmethod
     def importance_of(cls, parameters: Any) -> Priorities:
@@ -66,7 +51,7 @@ class RankedController(HierarchyController):
         """
         names = labels_of(parameters.tasks)
         with located("", "priorities"):
-            return Priorities.configured(names, parameters.priorities)
+            return Priorities(names, parameters.priorities)
 
     @classmethod
     def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.acceleration.ghc import (
     ProjectedParameters,
     RankedController,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 from hoap3.protocol.errors import SolverError
 from hoap3.protocol.messages import FloatArray
@@ -23,11 +22,6 @@ class HqpController(RankedController):
     A baseline: it allocates, and nothing of it is certified.
     """
 
-    kernels: ClassVar[tuple[str, ...]] = (
-        *RankedController.kernels,
-        "hoap3.remote_controller.solvers.ghc.projector_kernels",
-    )
-
     levels: list[list[int]]
 
     def count(self, out: FloatArray) -> None:
@@ -40,22 +34,15 @@ class HqpController(RankedController):
     def solve(self, torque_max: FloatArray) -> bool:
         """Level by level."""
         tasks, given = self.tasks, self.problem
-        (jacobian, wanted), rows = given.with_rest, [*tasks.rows, slice(len(tasks.wanted), None)]
         try:
             self.found[:], self.effort[:] = hqp(
-                [jacobian[mine] for mine in rows],
-                [wanted[mine] for mine in rows],
+                *given.with_rest,
+                [*tasks.sizes, len(given.bias)],
+                [*self.levels, [len(tasks.sizes)]],
                 given.mass,
                 given.bias,
                 self.w_r,
-                levels=[*self.levels, [len(tasks.rows)]],
-                qdd_lower=given.lower,
-                qdd_upper=given.upper,
-                tau_lower=-torque_max,
-                tau_upper=torque_max,
-                rows=given.rows,
-                rows_lower=given.rows_lower,
-                rows_upper=given.rows_upper,
+                given.limits(torque_max),
             )
         except SolverError:
             return False

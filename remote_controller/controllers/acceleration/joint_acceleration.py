@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.config.changeable import CHANGEABLE, CRITICAL_DAMPING
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import (
     BoundSettings,
     JointBounds,
 )
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.references.postures import PostureValues, posture_of
-from hoap3.remote_controller.tasks.accelerations.settings import critical_damping
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -64,14 +63,14 @@ class JointAccelerationController(Controller):
         kp: float = Field(
             100.0, gt=0, description="of q_r − q [1/s²]", json_schema_extra=CHANGEABLE
         )
-        kd: float | None = Field(
+        kd: Annotated[float | None, CRITICAL_DAMPING] = Field(
             None, ge=0, description="of dq [1/s]; null: 2√kp", json_schema_extra=CHANGEABLE
         )
         bounds: BoundSettings = Field(BoundSettings(), description="of the accelerations")
 
     commands = ("acceleration", "position")
     kernels = (
-        "hoap3.protocol.robot.viability_bounds_kernels",
+        "hoap3.protocol.limits.viability_bounds_kernels",
         "hoap3.remote_controller.controllers.acceleration.joint_acceleration_kernels",
     )
 
@@ -89,7 +88,7 @@ class JointAccelerationController(Controller):
         self._bounds = JointBounds(description, parameters.bounds)
         self._viable = parameters.bounds.kind == "viability"
         self._prismatic = prismatic_joints(description)
-        self.tune(parameters)
+        self.apply(parameters)
         self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
         self._positions = self.kind == "position"
         self._dt, n = description.period_s, description.n
@@ -98,20 +97,17 @@ class JointAccelerationController(Controller):
         self._tick = -1
         self.conditions = ("state not finite", "held by bounds of joints")
 
-    def tune(self, parameters: Any) -> None:
-        """Take gains, tolerances and the greatest speed."""
+    def apply(self, parameters: Any) -> None:
+        """Read gains, tolerances and the greatest speed."""
         kd = 2.0 * math.sqrt(parameters.kp) if parameters.kd is None else parameters.kd
         self._gains = parameters.kp, kd
         self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
-        self._bounds.tune(parameters.bounds)
+        self._bounds.apply(parameters.bounds)
 
-    def fits(self, parameters: Any) -> None:
+    def validate(self, parameters: Any) -> None:
         """Refuse bounds that do not fit the robot."""
-        self._bounds.fits(parameters.bounds)
-
-    def stands_for(self, key: str) -> float | None:
-        """Critical damping."""
-        return critical_damping(self.parameters, key)
+        super().validate(parameters)
+        self._bounds.validate(parameters.bounds)
 
     def margin_of(self) -> tuple[str, str]:
         """The bounds."""

@@ -9,10 +9,10 @@ from pydantic import Field
 
 from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
+from hoap3.protocol.limits.viability_bounds import AccelerationBounds
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.viability_bounds import AccelerationBounds
+from hoap3.protocol.robot.description import RobotDescription
 
 NO_BOUND = 1e30
 Positive = Annotated[float, Field(gt=0)]
@@ -94,12 +94,12 @@ class JointBounds:
         self._bounds = self._usual = self._between(self.least, self.most)
         self.greatest = np.minimum(self._bounds.up, self._bounds.down)
 
-    def tune(self, settings: BoundSettings) -> None:
-        """Take the share of the greatest speed."""
+    def apply(self, settings: BoundSettings) -> None:
+        """Read the share of the greatest speed."""
         for bounds in (self._usual, self._bounds):
             bounds.limit_speed(self._description.velocity * settings.speed_share)
 
-    def fits(self, settings: BoundSettings) -> None:
+    def validate(self, settings: BoundSettings) -> None:
         """Refuse bounds that do not fit the robot, or that would shrink accelerations.
 
         Raises:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.solvers.ghc.row_equations import Limits
 
 SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP, STOPPED = range(5)  # Setpoint.fallback
 CONDITIONS = (
@@ -55,3 +56,8 @@ class Problem(NamedTuple):
     rows: FloatArray
     rows_lower: FloatArray
     rows_upper: FloatArray
+
+    def limits(self, torque_max: FloatArray) -> Limits:
+        """All limits of an answer, with |τ| ≤ torque_max, (n,)."""
+        rows = self.rows, self.rows_lower, self.rows_upper
+        return Limits(self.lower, self.upper, -torque_max, torque_max, *rows)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.acceleration import tsid_settings as settings
 from hoap3.remote_controller.controllers.acceleration.base import FALLBACKS
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import NO_BOUND
 from hoap3.remote_controller.controllers.acceleration.weighted import WeighedController
-from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.scheduling.weights import Weights
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
@@ -53,6 +51,11 @@ class TsidController(WeighedController):
     ) -> None:
         super().__init__(description, settings.with_all_tasks(description, parameters), file)
         self.parameters = parameters  # as a change of them is written
+        count = len(parameters.tasks or ())
+        self.fixed = OF_GOAL if count else frozenset()
+        self.parts = [
+            part for part in self.parts if part.place[0] != "tasks" or int(part.place[1]) < count
+        ]
         given, free = self.problem, parameters.base == "free"
         torque_max = np.full(description.n, NO_BOUND) if free else self.torque_max
         self.solver = Tsid(torque_max, len(given.rows))
@@ -64,21 +67,12 @@ class TsidController(WeighedController):
         self._weighed = np.zeros_like(self._jacobian), np.zeros(m)
         self._found = status.OK
 
-    def parts(self) -> list[Part]:
-        """As others, of the tasks that the config has."""
-        own: Any = self.parameters
-        given = len(own.tasks or ())
-        written = [part for part in super().parts() if part.place[:1] != ("tasks",)]
-        written[0] = replace(written[0], fixed=OF_GOAL if given else frozenset())
-        tasks = [part for part in self.tasks.parts() if int(part.place[1]) < given]
-        return [*written, *tasks]
-
-    def tune(self, parameters: Any) -> None:
-        """Take the gains of the tasks, or of the goal, and of the posture; the greatest speed."""
+    def apply(self, parameters: Any) -> None:
+        """Read the gains of the tasks, or of the goal, and of the posture; the greatest speed."""
         self.tasks.gain([*(parameters.tasks or [parameters.task]), parameters.posture])
         if parameters.tasks is None:
             self.tasks.tolerate(0, parameters.tolerance_m, parameters.tolerance_deg)
-        self.bounds.tune(parameters.bounds)
+        self.bounds.apply(parameters.bounds)
 
     @classmethod
     def importance_of(cls, parameters: Any) -> Weights:

@@ -7,8 +7,8 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import ConfigError, located, one_of
+from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.remote_controller.controllers.acceleration.settings import HierarchyParameters
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics

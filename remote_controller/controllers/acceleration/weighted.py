@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import SolverError, located
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
-from hoap3.remote_controller.controllers.acceleration.bounds import refuse_other_brakes
 from hoap3.remote_controller.controllers.acceleration.settings import RegularisedParameters
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.remote_controller.solvers.ghc.weighted import weighted
@@ -23,7 +22,6 @@ from hoap3.remote_controller.tasks.registry import labels_of
 class WeighedController(HierarchyController):
     """Tasks with weights beside each other."""
 
-    word = "weights"
     importance: Weights
 
     @classmethod
@@ -73,49 +71,28 @@ class WeightedController(WeighedController):
             WeightSettings(), description="weights of the tasks, in place of priorities"
         )
 
-    kernels: ClassVar[tuple[str, ...]] = (
-        *HierarchyController.kernels,
-        "hoap3.remote_controller.solvers.ghc.projector_kernels",
-    )
-
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
-        super().__init__(description, parameters, file, parameters.null_damping_per_s)
-        self.w_r, self._brakes = parameters.w_r, parameters.null_damping_per_s > 0.0
+        super().__init__(description, parameters, file)
         self._regularise = parameters.regularise if parameters.base == "fixed" else "none"
-
-    def tune(self, parameters: Any) -> None:
-        """Take ω_r and d as well."""
-        super().tune(parameters)
-        self.w_r = parameters.w_r
-        self.tasks.brake(parameters.null_damping_per_s)
-
-    def fits(self, parameters: Any) -> None:
-        """Refuse to begin to brake, or to end it: that is another problem."""
-        super().fits(parameters)
-        refuse_other_brakes(parameters, brakes=self._brakes)
+        self.apply(parameters)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
         tasks, given = self.tasks, self.problem
         try:
             self.found[:], self.effort[:] = weighted(
-                [given.jacobian[rows] for rows in tasks.rows],
-                [given.wanted[rows] for rows in tasks.rows],
+                given.jacobian,
+                given.wanted,
+                tasks.sizes,
                 self.importance.value,
                 given.mass,
                 given.bias,
                 self.w_r,
+                given.limits(torque_max),
                 regularise=self._regularise,
                 towards=given.towards,
-                qdd_lower=given.lower,
-                qdd_upper=given.upper,
-                tau_lower=-torque_max,
-                tau_upper=torque_max,
-                rows=given.rows,
-                rows_lower=given.rows_lower,
-                rows_upper=given.rows_upper,
             )
         except SolverError:
             return False

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.constraints.event_conditions import EventConditions
-from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.constraints.stack import ConstraintStack, EventConditions
 from hoap3.remote_controller.controllers.base import bits
 from hoap3.remote_controller.solvers.base import status as solver_status
 from hoap3.remote_controller.tasks import status as task_status

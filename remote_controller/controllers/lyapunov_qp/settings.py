@@ -10,6 +10,7 @@ from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.controllers.base import VelocityController
+from hoap3.remote_controller.controllers.ramp import RampTime
 from hoap3.remote_controller.controllers.singularity import LeaveSingularity
 from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import GAMMA_SLOPE, Form
 from hoap3.remote_controller.tasks.registry import TaskSettings
@@ -89,18 +90,14 @@ class RateSettings(Settings):
     kappa: float = Field(
         10.0, gt=0, description="κ of tanh, in 1/|∇V|", json_schema_extra=CHANGEABLE
     )
-    ramp_s: float = Field(
-        0.0,
-        ge=0,
-        description="time in which Ψ rises to its size, so that no joint jumps [s]; 0: at once",
-    )
+    ramp_s: RampTime = 0.0
 
 
 class Parameters(VelocityController.Parameters):
     """Problem (3), choice by choice."""
 
     hints: ClassVar = {
-        "effort": "It was renamed in 0.2: write max_speed_ratio",
+        "solver": "It was removed in 0.3: daqp solves the QP",
         **{key: f"Write objective.{key}" for key in ("gamma", "adaptive_gamma", "gamma_slope")},
         **{key: f"Write psi.{key}" for key in ("u_max_rad_s", "beta", "ramp_s")},
         "psi_scale": "Write psi.form",
@@ -128,12 +125,6 @@ class Parameters(VelocityController.Parameters):
         gt=0,
         description="of damped: Ψ is asked for in full up to so many times the speed that one "
         "joint alone would need",
-    )
-    keep_rho: bool = Field(
-        False, description="of largest: keep ρ while it is feasible: fewer LPs, but it never rises"
-    )
-    solver: Literal["daqp", "osqp", "proxqp", "piqp"] = Field(
-        "daqp", description="of the QP; proxqp and piqp come with hoap3[peers]"
     )
     kinematics_from: Literal["measured", "reference"] = Field(
         "measured", description="joint positions that kinematics are computed from"

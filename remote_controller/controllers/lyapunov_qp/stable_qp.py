@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Self, cast
+from typing import Any, ClassVar, Self, cast, get_args
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.controllers.base import (
     CERTIFIED_RESIDUAL,
@@ -23,9 +23,9 @@ from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.scheduling.numbers import Part
+from hoap3.remote_controller.scheduling.changes import part_of
 from hoap3.remote_controller.solvers.base import status
-from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import DescentRate
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS, BoundedForm
 from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
 from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import STILL
 from hoap3.remote_controller.tasks import registry as tasks
@@ -112,7 +112,7 @@ class StableQpController(VelocityController):
         self._M, self._y = self._squares(parameters)
         self._equality = parameters.lyapunov == "equality"
         self._rate_kernel, psi = rate_kernel, parameters.psi
-        self.tune(parameters)
+        self.apply(parameters)
         self._ramp = Ramp(psi.ramp_s, description.period_s)
         self._watch = Diagnostics(self.stack)
         self.conditions = self._watch.names
@@ -120,7 +120,9 @@ class StableQpController(VelocityController):
         if self.function.watched:
             self.conditions = (*self.conditions, VIOLATED)
         self.margin_tolerance = CURVATURE if parameters.constraints else None
-        self._task, self._task_name, self._file = parameters.task, task.task, file
+        self._task_name, self._file = task.task, file
+        task_parts = part_of(self.function, ("task",), ("task",)) if parameters.task else []
+        self.parts = [*task_parts, *self.stack.parts()]
         self._begun = False
         self._brake_step = description.brake_acceleration * self._dt
         self._last, self._stopping = np.zeros(n), status.OK
@@ -158,27 +160,18 @@ class StableQpController(VelocityController):
             found.append(f"default task: {goal.point!r} moves {away:.3g} m in {goal.reference!r}")
         return found
 
-    def parts(self) -> list[Part]:
-        """Its own settings, and those of its task and of the constraints."""
-        own: Any = self.parameters
-        found, stack = super().parts(), self.stack
-        if self._task is not None:
-            place = "task"
-            task = tasks.part_of(self._task, self.function, (place,), (place,), self._file)
-            found += [] if task is None else [task]
-        return [*found, *constraints.parts_of(own.constraints, stack.constraints, stack.labels)]
-
-    def tune(self, parameters: Any) -> None:
-        """Take γ, the gain, and Ψ."""
+    def apply(self, parameters: Any) -> None:
+        """Read γ, the gain, and Ψ."""
         self._gamma = getattr(parameters.objective, "gamma", 0.0)
         self._slope = getattr(parameters.objective, "gamma_slope", 0.0)
         self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
-        if not self._adaptive:
+        if isinstance(parameters.objective, settings.Qp12Objective) and not self._adaptive:
             self._solver.gamma = self._gamma
-        self._psi = _rate_of(parameters.psi).arguments
+        self._psi = FORMS.index(parameters.psi.form), *_scales_of(parameters.psi)
 
-    def fits(self, parameters: Any) -> None:
+    def validate(self, parameters: Any) -> None:
         """Refuse a law that becomes too fast for the robot's servos, by Ψ or the task's weights."""
+        super().validate(parameters)
         refuse_too_fast(self, self._fastest_rate(parameters), parameters.kinematics_from)
 
     def _fastest_rate(self, parameters: Any) -> float:
@@ -189,7 +182,7 @@ class StableQpController(VelocityController):
             given = tasks.check_parameters(parameters.task or self._goal)
             with located("", "task.parameters"):
                 jacobian = self.function.weighted(jacobian, given)
-        return loop_rate(parameters.psi.form, _rate_of(parameters.psi).scales, jacobian)
+        return loop_rate(parameters.psi.form, _scales_of(parameters.psi), jacobian)
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -427,8 +420,10 @@ class StableQpController(VelocityController):
         return margin if math.isfinite(margin) else 0.0
 
 
-def _rate_of(psi: settings.RateSettings) -> DescentRate:
-    return DescentRate(psi.form, psi.u_max_rad_s, psi.beta, psi.eta_per_s, psi.kappa)
+def _scales_of(psi: settings.RateSettings) -> tuple[float, float]:
+    """u_max and β of (16), or η and κ of the other forms."""
+    bounded = psi.form in get_args(BoundedForm)
+    return (psi.u_max_rad_s, psi.beta) if bounded else (psi.eta_per_s, psi.kappa)
 
 
 def _jacobian_of(function: LyapunovFunction) -> FloatArray | None:

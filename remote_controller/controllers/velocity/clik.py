@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
-from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack import (
     LabelledTaskParameters,
+    LabelledTasksController,
 )
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.solvers.base import status
@@ -46,7 +46,7 @@ LASTING_S = 0.1  # for which β is as little, before anybody is told
 SLOW = "beta below a tenth of what was asked"
 
 
-TASKS = "what shall be done, the most important first; null: the default task of the robot"
+TASKS = "tasks, the most important first; null: the default task of the robot"
 
 
 class WeightedTask(LabelledTask):
@@ -177,7 +177,6 @@ class _Clik(LabelledTasksController):
         self._errors_logged = slice(0, first)
         self._figures = slice(first, first + len(FIGURES))
         self._gains_logged = slice(first + len(FIGURES), len(self.extra_names))
-        self._weigh(parameters)
         self._slices = [slice(*ends) for ends in pairwise(self.offsets.tolist())]
         self._moved = [  # rows of errors: a speed along a curve is the derivative of none
             (errors[: len(function.error)], rates[: len(function.error)])
@@ -186,16 +185,13 @@ class _Clik(LabelledTasksController):
         self._shrunk, self._fed_back = np.zeros(len(self.errors)), np.zeros(description.n)
         self._has_gains = len(self.extra_names) > first + len(FIGURES)
 
-    def tune(self, parameters: Any) -> None:
-        """Take weights, damping and the floor as well."""
-        super().tune(parameters)
-        self._weigh(parameters)
-        self.solver.weights[:], self.solver.damping = self._row_weights, parameters.damping
-
-    def _weigh(self, parameters: Any) -> None:
+    def apply(self, parameters: Any) -> None:
+        """Read weights, damping and the floor as well."""
+        super().apply(parameters)
         self._weights = [task.weight for task in parameters.tasks]
         self._row_weights = np.repeat(self._weights, self.sizes)
         self._floor_tolerance = parameters.floor_tolerance
+        self.solver.weights[:], self.solver.damping = self._row_weights, parameters.damping
 
     def columns(self) -> tuple[str, ...]:
         """Figures of the certificate, and gains."""
@@ -352,21 +348,14 @@ class ClikController(_Clik):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, parameters, file)
-        self.solver = ConstantGains(
-            self.sizes,
-            description.n,
-            self._gains_of(self.parameters),
-            weights=self._row_weights,
-            damping=parameters.damping,
-        )
+        self.solver = ConstantGains(self.sizes, description.n, np.ones(len(self.errors)))
+        self.apply(self.parameters)
 
-    def tune(self, parameters: Any) -> None:
-        """Take the gains as well."""
-        super().tune(parameters)
-        self.solver.wanted[:] = self._gains_of(parameters)
-
-    def _gains_of(self, parameters: Any) -> FloatArray:
-        return np.repeat([task.gain_per_s for task in parameters.tasks], self.sizes)
+    def apply(self, parameters: Any) -> None:
+        """Read the gains as well."""
+        super().apply(parameters)
+        gains = [task.gain_per_s for task in parameters.tasks]
+        self.solver.wanted[:] = np.repeat(gains, self.sizes)
 
     def solve(self) -> tuple[int, int, float, float]:
         """Apply the gains."""
@@ -399,24 +388,15 @@ class ClikSdpController(_Clik):
         from hoap3.remote_controller.solvers.sdp.sdp_kernels import FASTEST
 
         self._fastest_beta = FASTEST / description.period_s
-        self._want(parameters)
         self._patience = round(LASTING_S / description.period_s)
         self._slow = self._slow_before = 0  # ticks, up to this one and the one before
         self._answered = -1
-        self.solver = SdpGains(
-            self.sizes,
-            description.n,
-            weights=self._row_weights,
-            damping=parameters.damping,
-            budget=parameters.budget,
-        )
+        self.solver = SdpGains(self.sizes, description.n, budget=parameters.budget)
+        self.apply(self.parameters)
 
-    def tune(self, parameters: Any) -> None:
-        """Take β̃ and δ as well."""
-        super().tune(parameters)
-        self._want(parameters)
-
-    def _want(self, parameters: Any) -> None:
+    def apply(self, parameters: Any) -> None:
+        """Read β̃ and δ as well."""
+        super().apply(parameters)
         self._desired = min(parameters.beta_per_s, self._fastest_beta)
         self._delta = parameters.delta
         self._little = LITTLE * min(self._desired, 1.0 / self._dt)

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.changeable import CHANGEABLE
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
-from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack import (
     LabelledTaskParameters,
+    LabelledTasksController,
 )
-from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.priority_matrix import top_level
-from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings, top_level
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
@@ -59,7 +56,7 @@ class RankedTask(LabelledTask):
 class RankedParameters(LabelledTaskParameters):
     """Problem (13) for velocities, section 8."""
 
-    tasks: tuple[RankedTask, ...] = Field(min_length=1, description="what shall be done")
+    tasks: tuple[RankedTask, ...] = Field(min_length=1, description="its tasks")
     priorities: PrioritySettings = Field(
         PrioritySettings(), description="which tasks keep which out; without any, none does"
     )
@@ -106,24 +103,24 @@ class GhcVelocityController(LabelledTasksController):
 
     Parameters: ClassVar[Any] = RankedParameters
     own_conditions = CONDITIONS
+    importance: Priorities
     kernels = ("hoap3.remote_controller.solvers.ghc.ghc_kernels", *LabelledTasksController.kernels)
 
     def __init__(
         self, description: RobotDescription, parameters: RankedParameters, file: str = "config"
     ) -> None:
-        self.priorities = _priorities(parameters)
+        self.importance = _priorities(parameters)
         super().__init__(description, parameters, file)
         n = description.n
-        gains = [task.gain_per_s for task in parameters.tasks]
-        self._gains, self._wanted = np.repeat(gains, self.sizes), np.zeros(sum(self.sizes))
+        self._gains, self._wanted = np.zeros((2, sum(self.sizes)))
         self._solver = Ghc(self.sizes, n, regularise="none", smoothing=parameters.smoothing)
-        self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
         self._settled, self._settled_at = True, -1
-        self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
+        self._first = 0  # tick of the reset
         self._top: list[LyapunovFunction] = []
         self.not_certified_in |= MOVING | IDLE
         self._stale = True  # the top tasks are those of priorities that have moved since
+        self.apply(parameters)
 
     @classmethod
     def check(cls, parameters: Any, file: str) -> None:
@@ -134,48 +131,32 @@ class GhcVelocityController(LabelledTasksController):
 
     def columns(self) -> tuple[str, ...]:
         """Of few tasks alpha, row by row."""
-        names = self.priorities.names if len(self.priorities.names) <= MOST_LOGGED else ()
+        names = self.importance.names if len(self.importance.names) <= MOST_LOGGED else ()
         return tuple(f"alpha_{a}_{b}" for a in names for b in names)
 
     def judged(self) -> list[bool]:
         """The tasks that nothing is above."""
         return [function in self._top for function in self.functions]
 
-    def change(self, request: Mapping[str, Any]) -> None:
-        """Begin a change of priorities now, as `Priorities.change` has it, or of numbers.
-
-        Raises:
-            ConfigError: something is wrong with it; nothing has been changed then.
-        """
-        if self.priorities.is_asked(request):
-            self.priorities.check_alone(request, super().changeable())
-            self.priorities.change(request, self._time)
-        else:
-            super().change(request)
-
-    def changeable(self) -> dict[str, Any]:
-        """The numbers, and the priorities, as they are now."""
-        return {**super().changeable(), "priorities": self.priorities.shown()}
-
-    def tune(self, parameters: Any) -> None:
-        """Take gains and ω_r as well."""
-        super().tune(parameters)
+    def apply(self, parameters: Any) -> None:
+        """Read gains and ω_r as well."""
+        super().apply(parameters)
         gains = [task.gain_per_s for task in parameters.tasks]
         self._gains[:], self._weight = np.repeat(gains, self.sizes), parameters.regularisation
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
         super().reset(state, last_command)
-        self.priorities.reset()
-        self._first, self._time, self._settled_at = state.tick, 0.0, -1
+        self.importance.reset()
+        self._first, self._settled_at = state.tick, -1
         self._top, self._stale = [], True
 
     def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
         """Joint velocities, and their certificate."""
-        command, solver, priorities = self.command, self._solver, self.priorities
-        self._time = (state.tick - self._first) * self._dt
+        command, solver, priorities = self.command, self._solver, self.importance
         if state.tick != self._settled_at:  # else it is asked again
-            self._settled = not (priorities.update(self._time) or priorities.moving)
+            time_s = (state.tick - self._first) * self._dt
+            self._settled = not (priorities.update(time_s) or priorities.moving)
         self._settled_at, settled = state.tick, self._settled
         self._stale = self._stale or not settled
         if (settled and self._stale) or not self._top:
@@ -245,4 +226,4 @@ def _priorities(parameters: RankedParameters) -> Priorities:
     """Those of a config, whose tasks have names of their own."""
     names = labels_of(parameters.tasks)
     with located("", "priorities"):
-        return Priorities.configured(names, parameters.priorities)
+        return Priorities(names, parameters.priorities)

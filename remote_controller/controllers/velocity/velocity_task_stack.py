@@ -4,29 +4,85 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from itertools import pairwise
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.config.changeable import CHANGEABLE, GREATEST_SPEED
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.constraints.joints.reference_velocity import ReferenceVelocity
 from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, VelocityController
-from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
-    LabelledTaskParameters,
-)
+from hoap3.remote_controller.controllers.singularity import LeaveSingularity
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.scheduling.numbers import Part
+from hoap3.remote_controller.scheduling.changes import part_of
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks import status as task_status
 from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError, name_errors
-from hoap3.remote_controller.tasks.registry import labels_of
+from hoap3.remote_controller.tasks.registry import LabelledTask, labels_of
 
 MARGIN_ROUNDING = 1e-9  # of a velocity beside its bounds [rad/s or m/s]
+INSIDE = 1.0 - 1e-9  # of the greatest acceleration: the robot judges by rounded positions
+Positive = Annotated[float, Field(gt=0)]
+
+
+class VelocityBounds(Settings):
+    """What joints may do, beside their ranges; the robot need not intervene then."""
+
+    speed_rad_s: Annotated[Positive | None, GREATEST_SPEED] = Field(
+        None,
+        description="greatest speed of every joint; null: the description's [rad/s or m/s]",
+        json_schema_extra=CHANGEABLE,
+    )
+    acceleration_rad_s2: Positive | None = Field(
+        None, description="greatest acceleration; null: what the robot brakes with [rad/s² or m/s²]"
+    )
+    margin_rad: float = Field(
+        1e-9, ge=0, description="taken off both ends of the usable range [rad or m]"
+    )
+
+    def limits(self, description: RobotDescription) -> FloatArray:
+        """Range, greatest speed and acceleration, (4, n), none beyond the description's.
+
+        Raises:
+            ConfigError: the margin leaves nothing of a range.
+        """
+        robot, room = description, description.upper - description.lower
+        if (room < 2.0 * self.margin_rad).any():
+            joint = int(np.argmin(room))
+            problem = f"leaves nothing of the range of joint {robot.joint_names[joint]!r}"
+            remedy = f"At most {room[joint] / 2.0}"
+            raise ConfigError("", "bounds.margin_rad", self.margin_rad, problem, remedy)
+        hardest = INSIDE * robot.setpoint_acceleration_max
+        acceleration = self.acceleration_rad_s2 or robot.brake_acceleration
+        return np.array(
+            [
+                robot.lower + self.margin_rad,
+                robot.upper - self.margin_rad,
+                np.minimum(robot.velocity, self.speed_rad_s or np.inf),
+                np.minimum(hardest, acceleration) * np.ones(robot.n),
+            ]
+        )
+
+
+class LabelledTaskParameters(VelocityController.Parameters):
+    """What all of them have."""
+
+    tasks: tuple[LabelledTask, ...] | None = Field(min_length=1, description="its tasks")
+    bounds: VelocityBounds = Field(VelocityBounds(), description="of the joint velocities")
+    kinematics_from: Literal["measured", "reference"] = Field(
+        "measured", description="joint positions that kinematics are computed from"
+    )
+    leave_singularity: LeaveSingularity = False
 
 
 class LabelledTasksController(VelocityController):
     """Stacks the tasks of a config, and bounds joint velocities; a subclass answers with u.
+
+    Its `__init__` ends with `self.apply(parameters)`.
 
     Columns are `error_NAME`, |e| of each task, and then what a subclass adds in `columns`. It names
     its conditions in `own_conditions`, first that the State is not finite; those of the tasks
@@ -74,7 +130,7 @@ class LabelledTasksController(VelocityController):
             )
             for number, task in enumerate(given)
         ]
-        self._entries, self._file = given, file
+        self._entries = given
         self.sizes = [len(function.followed[0]) for function in self.functions]
         self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
         n, m = description.n, sum(self.sizes)
@@ -88,9 +144,11 @@ class LabelledTasksController(VelocityController):
         ]
         self._stack, self._cut = kernels.stack, kernels.cut
         self._velocity_bounds = velocity_bounds
-        self.fits(parameters)
-        self._bounds = parameters.bounds.limits(description)
-        self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
+        for place, (label, function) in enumerate(zip(self.labels, self.functions, strict=True)):
+            self.parts += part_of(function, ("tasks", label), ("tasks", place))
+        self._bounds = np.zeros((4, n))
+        self.lower, self.upper, self.u, self._next = np.zeros((4, n))
+        self._reference_velocity = ReferenceVelocity(n, description.period_s)
         self.conditions = (*self.own_conditions, *task_status.NAMES[1:])
         self._watched = [function for function in self.functions if function.watched]
         self._violation = 1 << len(self.conditions)
@@ -99,7 +157,7 @@ class LabelledTasksController(VelocityController):
         followed = [self._followed_task(place) for place in range(len(given))]
         self._find = self.watch_progress(followed, (self.lower, self.upper)).find
         self.leave_singularities(parameters)
-        self._begun, self._periods_seen, self._followed = False, 0, -1
+        self._begun = False
         self.margin_tolerance = MARGIN_ROUNDING
 
     def _followed_task(self, place: int) -> tasks.FollowedTask:
@@ -127,33 +185,15 @@ class LabelledTasksController(VelocityController):
         with located(file, "parameters"):
             labels_of(given)
 
-    def parts(self) -> list[Part]:
-        """Its own settings, and those of its tasks."""
-        own, file = super().parts(), self._file
-        entries = zip(self._entries, self.functions, strict=True)
-        found = (
-            tasks.part_of(entry, function, ("tasks", entry.label), ("tasks", place), file)
-            for place, (entry, function) in enumerate(entries)
-        )
-        return [*own, *(part for part in found if part is not None)]
-
-    def tune(self, parameters: Any) -> None:
-        """Take the bounds."""
-        self._bounds[:] = parameters.bounds.limits(self.description)
-
-    def fits(self, parameters: Any) -> None:
-        """Refuse bounds that do not fit the robot, and gains beyond 1/T: they pass the target."""
-        parameters.bounds.limits(self.description)
+    def apply(self, parameters: Any) -> None:
+        """Read the bounds; gains beyond 1/T, which pass the target, are refused."""
         period_s = self.description.period_s
         for place, task in enumerate(parameters.tasks or ()):
             gain = getattr(task, "gain_per_s", 0.0)
             if gain * period_s > 1.0:
                 key, problem = f"tasks.{place}.gain_per_s", "passes the target in one period"
                 raise ConfigError("", key, gain, problem, f"At most {1.0 / period_s:g}, 1/T")
-
-    def stands_for(self, key: str) -> float | None:
-        """The greatest speed of any joint, which bounds none."""
-        return float(self.description.velocity.max()) if key == "bounds.speed_rad_s" else None
+        self._bounds[:] = parameters.bounds.limits(self.description)
 
     @abstractmethod
     def judged(self) -> list[bool]:
@@ -191,7 +231,8 @@ class LabelledTasksController(VelocityController):
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew; the tasks do at the next State that is finite."""
         super().reset(state, last_command)
-        self._begun, self._followed = False, -1
+        self._begun = False
+        self._reference_velocity.reset()
 
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities, and their certificate."""
@@ -204,7 +245,9 @@ class LabelledTasksController(VelocityController):
         if not self._begun:
             for function in self.functions:
                 function.reset(self.kinematics, now)
-        self._follow(state)
+            self._begun = True
+        dq = self._reference_velocity.update(state)
+        self._velocity_bounds(state.reference, dq, self._bounds, self._dt, self.lower, self.upper)
         violated = self._violation if self._watch(state, base, now) else 0
         noted = self._look(now) | violated
         self.answer(state, base, now, noted)
@@ -234,27 +277,6 @@ class LabelledTasksController(VelocityController):
             )
             if far or self.is_stationary:
                 command.solver_status = STATUS["uncertified"]
-
-    def _follow(self, state: State) -> None:
-        """Bound the velocities by where the reference is, and how it has moved since."""
-        if state.tick != self._followed:  # else it is asked again
-            self._measure(state)
-        self._followed = state.tick
-        self._velocity_bounds(
-            state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
-        )
-
-    def _measure(self, state: State) -> None:
-        """How the reference has moved since the State before."""
-        periods = state.tick - state.skipped - self._periods_seen
-        if self._begun and periods > 0:
-            np.subtract(state.reference, self._before, out=self._dq)
-            self._dq /= periods * self._dt
-        else:
-            self._dq[:] = state.dq
-            np.nan_to_num(self._dq, copy=False, posinf=0.0, neginf=0.0)
-        self._before[:] = state.reference
-        self._begun, self._periods_seen = True, state.tick - state.skipped
 
     def _watch(self, state: State, base: FloatArray, now: float) -> bool:
         """Whether a tolerance is, or was, violated by the robot as it was measured."""

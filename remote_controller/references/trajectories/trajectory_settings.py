@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.references.target import Target
 from hoap3.remote_controller.references.trajectories.motion_file import (
     Motion,

@@ -16,13 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers.base import status as codes
-from hoap3.remote_controller.solvers.base.validation import (
-    KERNEL_ARRAYS,
-    positive,
-    sizes_of,
-    squarable,
-    whole,
-)
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, check_sizes
 
 Array = NDArray[np.float64]
 
@@ -36,10 +30,10 @@ class ConstantGains:
         sizes: number of rows of each task, the most important first.
         joints: number of joints.
         wanted: λ [1/s], one for each row.
-        weights: w of V, one for each row; 1 by default.
-        damping: d: J_iᵀ(J_i J_iᵀ + d²I)⁻¹ stands for J_i⁺.
 
     Attributes:
+        weights: w of V, (n,), positive, to be written to; 1 at first.
+        damping: d ≥ 0, to be set; 0 at first: J_iᵀ(J_i J_iᵀ + d²I)⁻¹ stands for J_i⁺.
         lower, upper: limits of dq, (joints,), to be written to; ∓inf at first. They hold
             lower ≤ 0 ≤ upper.
         rates: of the targets, (n,), to be written to; 0 at first: as of `SdpGains`.
@@ -51,26 +45,15 @@ class ConstantGains:
         task_rank: of the stacked Jacobian.
 
     Raises:
-        BadProblemError: no task; a size or a number of joints that is no whole number of 1 or more;
-            gains or weights that do not fit; a damping that is negative or not finite.
+        BadProblemError: no task, one without rows, or no joint; gains that are no numbers.
     """
 
-    def __init__(
-        self,
-        sizes: Sequence[int],
-        joints: int,
-        wanted: ArrayLike,
-        *,
-        weights: ArrayLike | None = None,
-        damping: float = 0.0,
-    ) -> None:
+    def __init__(self, sizes: Sequence[int], joints: int, wanted: ArrayLike) -> None:
         from hoap3.remote_controller.solvers.clik import constant_gains_kernels
 
-        sizes, joints = sizes_of(NAME, sizes), whole(NAME, "joints", joints, "joints")
+        check_sizes(NAME, sizes, joints)
         n = self.n = sum(sizes)
-        self.damping = squarable("damping", damping)
-        self.wanted = positive(NAME, "wanted", wanted, n)
-        self.weights = positive(NAME, "weights", [1] * n if weights is None else weights, n)
+        self.wanted, self.weights, self.damping = array("wanted", wanted, 1).copy(), np.ones(n), 0.0
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self._kernel = constant_gains_kernels.constant_gains_kernel
         self._limits = np.array([[-math.inf], [math.inf], [0.0]]).repeat(joints, axis=1)

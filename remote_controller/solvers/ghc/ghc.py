@@ -6,9 +6,8 @@ matrix of priorities says how much each is kept out of the directions of the oth
     min Σ |J_i x_i − b_i|² + ω_r Σ |x_i|² + ω_r |τ − o|²
     subject to  τ = M q̈ + h,   q̈ = Σ P_i x_i,   bounds of q̈ and τ,   rows of q̈.
 
-``Ghc`` is for loops, ``ghc`` for everything else. The formulation, exact and of n unknowns however
-many tasks there are, stands in ``ghc_kernels``, which are compiled, or loaded, when the first
-``Ghc`` is made.
+The formulation, exact and of n unknowns however many tasks there are, stands in ``ghc_kernels``,
+which are compiled, or loaded, when the first ``Ghc`` is made.
 """
 
 from __future__ import annotations
@@ -17,18 +16,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
-from hoap3.remote_controller.solvers.base.status import (
-    BAD_INPUT,
-    BAD_SHAPE,
-    INFEASIBLE,
-    OK,
-    OUT_OF_RANGE,
-)
-from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, rows_of, stacked
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, number
+from hoap3.protocol.errors import BadProblemError, UnknownNameError
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, check_sizes, number
 
 Array = NDArray[np.float64]
 
@@ -45,7 +36,7 @@ class Ghc:
             tasks by what gravity takes; "gravity_compensated" is |τ − h|²; "none" is nothing, and
             strict priorities are exact only then: otherwise lower tasks shift what upper ones do by
             about ω_r.
-        smoothing: s₀ of `generalized_projector`; 0 for the paper's projector. Beyond 1 this differs
+        smoothing: s₀ of `projector_kernel`; 0 for the paper's projector. Beyond 1 this differs
             from that: a task whose Jacobian is I leaves nothing here, however large s₀ is.
         rows: s, number of rows rows_lower ≤ R q̈ ≤ rows_upper beside the bounds, (13c).
 
@@ -85,11 +76,7 @@ class Ghc:
 
         if regularise not in REGULARISED:
             raise UnknownNameError("regularisation", regularise, REGULARISED)
-        if n < 1 or not sizes or min(sizes) < 1:
-            raise BadProblemError(
-                f"GHC: give it joints, and tasks of one row or more (found n = {n}, sizes "
-                f"{list(sizes)})."
-            )
+        check_sizes("GHC", sizes, n)
         if rows < 0:
             raise BadProblemError(f"GHC: give it no rows or some (found {rows}).")
         m, k, c = sum(sizes), len(sizes), 2 * n + rows
@@ -157,90 +144,3 @@ class Ghc:
             raise BadProblemError(f"GHC: wrong type of argument. {KERNEL_ARRAYS}") from error
         status: int = found
         return status
-
-
-def ghc(
-    jacobians: Sequence[ArrayLike],
-    targets: Sequence[ArrayLike],
-    alpha: ArrayLike,
-    M: ArrayLike,
-    bias: ArrayLike,
-    w_r: float,
-    *,
-    regularise: str = "gravity_compensated",
-    qdd_lower: ArrayLike | None = None,
-    qdd_upper: ArrayLike | None = None,
-    tau_lower: ArrayLike | None = None,
-    tau_upper: ArrayLike | None = None,
-    rows: ArrayLike | None = None,
-    rows_lower: ArrayLike | None = None,
-    rows_upper: ArrayLike | None = None,
-    smoothing: float = 0.0,
-) -> tuple[Array, Array]:
-    """Solve one problem of tasks with priorities.
-
-    With M = I, bias = 0 and regularise "none" the same is a hierarchy of velocities.
-
-    Args:
-        jacobians: J_i of each task, (m_i, n).
-        targets: desired acceleration of each less its drift J̇_i q̇, (m_i,).
-        alpha: priorities, (k, k), 0 to 1; alpha[i, j] is that of task j over task i.
-        M: inertia matrix, (n, n), symmetric.
-        bias: Coriolis, centrifugal and gravity torques, (n,).
-        w_r: weight of the regularisation, at least 1e-8.
-        regularise: "torque" |τ|², "gravity_compensated" |τ − bias|², or "none".
-        qdd_lower, qdd_upper: bounds of q̈, (n,), none by default.
-        tau_lower, tau_upper: of τ, (n,).
-        rows: R of rows_lower ≤ R q̈ ≤ rows_upper, (s, n), (13c).
-        rows_lower, rows_upper: (s,), none by default; equal ones make an equation.
-        smoothing: s₀ of `generalized_projector`.
-
-    Returns:
-        q̈ and τ, (n,).
-
-    Raises:
-        InfeasibleError: nothing that the tasks span satisfies the bounds and rows.
-        BadProblemError: wrong shape, a value that is not finite or outside its range.
-        UnknownNameError: there is no such regularisation.
-    """
-    stack = stacked("GHC", jacobians, targets, M, bias)
-    priorities = array("alpha", alpha, 2)
-    given = bounds_of(stack.n, qdd_lower, qdd_upper, tau_lower, tau_upper)
-    R, least, most = rows_of(stack.n, rows, rows_lower, rows_upper)
-    solver = Ghc(stack.sizes, stack.n, regularise=regularise, smoothing=smoothing, rows=least.size)
-    solver.qdd_lower[:], solver.qdd_upper[:], solver.tau_lower[:], solver.tau_upper[:] = given
-    solver.rows[:], solver.rows_lower[:], solver.rows_upper[:] = R, least, most
-    weight = number("w_r", w_r)
-    arguments = stack.jacobian, stack.targets, priorities, stack.mass, stack.bias
-    status = solver.solve(*arguments, weight)
-    if status:
-        raise _failure(status, stack, priorities, weight, solver.smoothing)
-    return solver.qdd.copy(), solver.tau.copy()
-
-
-def _failure(status: int, stack: Stack, alpha: Array, w_r: float, smoothing: float) -> SolverError:
-    k = len(stack.sizes)
-    if status == BAD_SHAPE:
-        return BadProblemError(
-            f"alpha has shape {alpha.shape}; give it ({k}, {k}), a row and a column for each task."
-        )
-    if status == BAD_INPUT:
-        outside = np.argwhere(~((alpha >= 0.0) & (alpha <= 1.0)))
-        if len(outside):
-            i, j = outside[0]
-            return BadProblemError(f"alpha[{i}, {j}] must be within [0, 1] (found {alpha[i, j]}).")
-        if not w_r >= 1e-8 or not math.isfinite(w_r):
-            return BadProblemError(f"w_r must be finite and at least 1e-8 (found {w_r}).")
-        return BadProblemError(f"smoothing must be finite and not negative (found {smoothing}).")
-    if status == INFEASIBLE:
-        return InfeasibleError(
-            "GHC: no acceleration that the tasks span satisfies the bounds of accelerations and "
-            "torques, and the rows. Widen them, or let some task without anything above it span "
-            "all joints."
-        )
-    if status == OUT_OF_RANGE:
-        return BadProblemError("GHC: the answer overflows. Check the units.")
-    return SolverError(
-        f"GHC: no answer found (status {status}, not {OK}). If w_r is less than 1e-13 of the "
-        "square of a Jacobian, raise it."
-    )

@@ -2,7 +2,7 @@
 
 The hierarchical baseline of Liu, Tan and Padois, Autonomous Robots 2015, section 6. Each level does
 what it can in least squares within what the levels above leave, so below the first it does more
-than `ghc` does in one tick. It knows strict levels only, and where they change it jumps.
+than `Ghc` does in one tick. It knows strict levels only, and where they change it jumps.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, rows_of, stacked
-from hoap3.remote_controller.solvers.base.validation import number
-from hoap3.remote_controller.solvers.ghc.row_equations import impose_equations, normalised
+from hoap3.remote_controller.solvers.ghc.row_equations import (
+    Limits,
+    check_finite,
+    normalised,
+    rows_of_limits,
+)
 from hoap3.remote_controller.solvers.ghc.weighted import bounded_values
 
 Array = NDArray[np.float64]
@@ -26,83 +28,55 @@ SLACK = 1e-8  # by which bounds give way below the first level, which has met so
 
 
 def hqp(
-    jacobians: Sequence[ArrayLike],
-    targets: Sequence[ArrayLike],
-    M: ArrayLike,
-    bias: ArrayLike,
+    jacobian: Array,
+    targets: Array,
+    sizes: Sequence[int],
+    levels: Sequence[Sequence[int]],
+    mass: Array,
+    bias: Array,
     w_r: float,
-    *,
-    levels: Sequence[Sequence[int]] | None = None,
-    qdd_lower: ArrayLike | None = None,
-    qdd_upper: ArrayLike | None = None,
-    tau_lower: ArrayLike | None = None,
-    tau_upper: ArrayLike | None = None,
-    rows: ArrayLike | None = None,
-    rows_lower: ArrayLike | None = None,
-    rows_upper: ArrayLike | None = None,
+    limits: Limits,
 ) -> tuple[Array, Array]:
     """The cascade: at each level min |J(q̈ + Z z) − b|² + ω_r |z|² within the bounds.
 
     Args:
-        jacobians, targets, M, bias: as for `ghc`.
+        jacobian: J of all tasks, (m, n).
+        targets: desired acceleration of each less its drift J̇ q̇, (m,).
+        sizes: rows of each task; m in all.
+        levels: indices of the tasks of each level, highest first, each once. Tasks that are in none
+            are left out.
+        mass: inertia matrix M, (n, n), symmetric.
+        bias: Coriolis, centrifugal and gravity torques h, (n,).
         w_r: damping ω_r of each level, positive: with next to none of it, tasks in conflict ask
             for accelerations without limit.
-        levels: indices of the tasks of each level, highest first; by default every task is a level
-            of its own. Tasks that are in none are left out.
-        qdd_lower, qdd_upper, tau_lower, tau_upper: bounds, (n,).
-        rows, rows_lower, rows_upper: rows of q̈, as for `ghc`; equations stand above all levels.
+        limits: of q̈, τ and rows of q̈; equations among these stand above all levels.
 
     Returns:
         q̈ and τ = M q̈ + h, (n,).
 
     Raises:
-        InfeasibleError: nothing satisfies the bounds and rows.
-        BadProblemError: wrong shape, a value that is not finite, or levels that name no task or
-            one twice.
+        InfeasibleError: nothing satisfies the limits.
+        SolverError: a value is not finite.
     """
-    stack = stacked("HQP", jacobians, targets, M, bias)
-    damping = number("w_r", w_r)
-    if not 0.0 < damping < np.inf:
-        raise BadProblemError(f"w_r must be positive and finite (found {damping}).")
-    order = _levels(levels, len(stack.sizes))
-    ql, qu, tl, tu = bounds_of(stack.n, qdd_lower, qdd_upper, tau_lower, tau_upper)
-    left = impose_equations(*rows_of(stack.n, rows, rows_lower, rows_upper))
-    values = np.vstack([np.eye(stack.n), stack.mass, left.rows])
-    lower = np.concatenate([ql, tl - stack.bias, left.lower])
-    upper = np.concatenate([qu, tu - stack.bias, left.upper])
-    edges = [0, *accumulate(stack.sizes)]
-    qdd, Z, slack = left.x, left.N, 0.0
+    check_finite(jacobian, targets, mass, bias, limits.rows)
+    qdd, Z, values, lower, upper = rows_of_limits(mass, bias, limits)
+    edges, slack = [0, *accumulate(sizes)], 0.0
     normalised(values @ Z, lower - values @ qdd, upper - values @ qdd)
-    for level in order:
+    for level in levels:
         if not Z.shape[1]:
             break
         mine = np.concatenate([np.arange(edges[i], edges[i + 1]) for i in level])
-        J = stack.jacobian[mine]
+        J = jacobian[mine]
         qdd = qdd + Z @ _step(
             J @ Z,
-            stack.targets[mine] - J @ qdd,
-            damping,
+            targets[mine] - J @ qdd,
+            w_r,
             values @ Z,
             lower - slack - values @ qdd,
             upper + slack - values @ qdd,
         )
         Z, slack = Z @ _null_space(J @ Z, J), SLACK
-    return qdd, _torque(stack, qdd)
-
-
-def _torque(stack: Stack, qdd: Array) -> Array:
-    found: Array = stack.mass @ qdd + stack.bias
-    return found
-
-
-def _levels(levels: Sequence[Sequence[int]] | None, k: int) -> list[list[int]]:
-    found = [[i] for i in range(k)] if levels is None else [list(level) for level in levels]
-    named = [i for level in found for i in level]
-    if not named or not all(found) or len(set(named)) < len(named):
-        raise BadProblemError("levels must be lists of tasks, none empty, each task named once.")
-    if not set(named) <= set(range(k)):
-        raise BadProblemError(f"levels must name tasks from 0 to {k - 1} (found {named}).")
-    return found
+    return qdd, mass @ qdd + bias
 
 
 def _step(A: Array, e: Array, w: float, rows: Array, lower: Array, upper: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Rows lower ≤ R q̈ ≤ upper for `hqp` and `weighted`: what equations among them leave."""
+"""Limits of q̈, τ and rows of q̈ for `hqp` and `weighted`: what equations among them leave."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.errors import InfeasibleError
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
 
 Array = NDArray[np.float64]
 
@@ -15,13 +15,32 @@ DEPENDENT = 1e-9  # of a singular value, or the length, of unit rows: less is ro
 MISSED = 1e-9  # of 1 + |bound|: an equation or a bound that is missed by less holds
 
 
+class Limits(NamedTuple):
+    """Limits of q̈, τ = M q̈ + h, and R q̈; ∓inf where there is none.
+
+    Attributes:
+        qdd_lower, qdd_upper: of q̈, (n,).
+        tau_lower, tau_upper: of τ, (n,).
+        rows: R, (s, n), (13c).
+        rows_lower, rows_upper: (s,); equal ones make an equation.
+    """
+
+    qdd_lower: Array
+    qdd_upper: Array
+    tau_lower: Array
+    tau_upper: Array
+    rows: Array
+    rows_lower: Array
+    rows_upper: Array
+
+
 class Left(NamedTuple):
-    """All q̈ = x + N z that satisfy the equations, and the rows that are none.
+    """All q̈ = x + N z that satisfy the equations, and the limits that are none, as rows of q̈.
 
     Attributes:
         x: the shortest such q̈, (n,); 0 without equations.
         N: orthonormal columns that the equations annihilate, (n, n − rank); I without equations.
-        rows, lower, upper: rows of unit length, (s′, n), and their bounds, (s′,).
+        rows, lower, upper: rows, (s′, n), and their bounds, (s′,).
     """
 
     x: Array
@@ -29,6 +48,41 @@ class Left(NamedTuple):
     rows: Array
     lower: Array
     upper: Array
+
+
+def rows_of_limits(mass: Array, bias: Array, limits: Limits) -> Left:
+    """Write all limits as rows of q̈, and impose the equations among the given rows.
+
+    Args:
+        mass, bias: M, (n, n), and h, (n,), finite.
+        limits: with finite rows.
+
+    Raises:
+        InfeasibleError: a lower limit is above an upper one, equations contradict each other, or a
+            row of zeros has a bound that excludes 0.
+        BadProblemError: a limit is NaN, or infinite on the wrong side.
+    """
+    least = np.concatenate([limits.qdd_lower, limits.tau_lower, limits.rows_lower])
+    most = np.concatenate([limits.qdd_upper, limits.tau_upper, limits.rows_upper])
+    if not ((least < np.inf) & (most > -np.inf)).all():
+        raise BadProblemError("limits must be numbers, or ∓inf for none.")
+    if (least > most).any():
+        raise InfeasibleError("a lower limit is above the upper one.")
+    left = impose_equations(limits.rows, limits.rows_lower, limits.rows_upper)
+    lower = np.concatenate([limits.qdd_lower, limits.tau_lower - bias, left.lower])
+    upper = np.concatenate([limits.qdd_upper, limits.tau_upper - bias, left.upper])
+    rows = np.vstack([np.eye(len(bias)), mass, left.rows])
+    return Left(left.x, left.N, rows, lower, upper)
+
+
+def check_finite(*arrays: Array) -> None:
+    """Refuse what is not finite.
+
+    Raises:
+        BadProblemError: an array is not.
+    """
+    if not all(np.isfinite(each).all() for each in arrays):
+        raise BadProblemError("tasks, rows and dynamics must be finite.")
 
 
 def impose_equations(rows: Array, lower: Array, upper: Array) -> Left:

@@ -1,10 +1,9 @@
 """Least ℓp norm: the input that is as sparse or as even as p says, with V̇ as demanded.
 
-    min  |u|_p   subject to   gradient·u = −decrease
+    min  |u|_p   subject to   ∇V·u + ∂V/∂t = −Ψ
 
 Gonçalves et al., IEEE T-RO 2020, Example 2: one joint for 0 < p ≤ 1, (9) for p > 1, and all joints
-alike for p = ∞. ``LpNorm`` is for loops, ``lp_norm`` for everything else. The kernels are
-compiled, or loaded, when the first ``LpNorm`` is made.
+alike for p = ∞.
 """
 
 from __future__ import annotations
@@ -12,66 +11,52 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, no_descent, number
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import FREE, STILL
 
 
 class LpNorm:
-    """Solves Example 2 for n joints without allocating anything.
+    """Solves Example 2 for n joints, with the interface of `StableQp`.
+
+    Args:
+        n: number of joints.
+        p: above 0, may be inf. Where several joints have the largest gradient, p > 1 treats them
+            alike; up to p = 1 there is no unique answer, and the first of them moves.
 
     Attributes:
-        n: number of joints.
-        kkt_residual: of the last answer: error of the equation and Hölder's gap, relative (see
-            ``lp_norm_kernels.lp_norm_residual``); inf where an error was raised.
+        u, rate, rho, path, margin, gamma: as of `StableQp`; nothing limits u.
+        kkt_residual: error of the equation and Hölder's gap, relative (see
+            ``lp_norm_kernels.lp_norm_residual``).
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, p: float) -> None:
         from hoap3.remote_controller.solvers.lyapunov_qp import lp_norm_kernels
 
-        self.n = n
-        self._kernel = lp_norm_kernels.lp_norm_kernel
+        self._kernel, self._p = lp_norm_kernels.lp_norm_kernel, p
+        self.gamma = 0.0
+        self.u = np.zeros(n)
+        self.path, self.margin, self.rho = FREE, math.inf, 1.0
+        self.rate = 0.0
         self.kkt_residual = math.inf
 
-    def solve(
-        self, gradient: NDArray[np.float64], decrease: float, p: float, out: NDArray[np.float64]
-    ) -> None:
-        """Write u into ``out``: zeros on an error, untouched if a shape or a type is wrong.
+    def forget(self) -> None:
+        """Nothing is kept."""
 
-        Args:
-            gradient: ∇V, shape (n,).
-            decrease: −V̇ to be reached; any sign, u is odd in it, 0 gives u = 0.
-            p: above 0, may be inf. Where several joints have the largest gradient, p > 1 treats
-                them alike; up to p = 1 there is no unique answer, and the first of them moves.
-            out: u, shape (n,); not ``gradient``.
+    def solve(self, gradient: NDArray[np.float64], psi: float, drift: float, *_: object) -> int:
+        """Find u, whatever else is given: there are no constraints.
 
-        Raises:
-            InfeasibleError: the gradient is zero, the decrease is not.
-            BadProblemError: wrong shape or type of array, a value that is not finite, p not above
-                0, or an answer beyond 1e307.
+        Returns:
+            `OK`; `ZERO_GRADIENT`: ∇V = 0, yet V should change; `BAD_INPUT`: a value is not finite,
+            p is not above 0, the shape is wrong, or the answer is beyond 1e307. u is 0 then.
         """
-        try:
-            status, self.kkt_residual = self._kernel(self.n, gradient, decrease, p, out)
-        except TypeError as error:
-            self.kkt_residual = math.inf
-            raise BadProblemError(f"lp norm: wrong type of argument. {KERNEL_ARRAYS}") from error
-        if status:
-            raise no_descent(
-                "lp norm",
-                status,
-                decrease,
-                f"gradient and out must both have shape ({self.n},).",
-                "gradient and decrease must be finite and p above 0 (found decrease "
-                f"{decrease}, p {p}).",
-            )
-
-
-def lp_norm(
-    gradient: ArrayLike, decrease: float, p: float, out: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """Solve one; arguments and errors as for ``LpNorm.solve``, u in a new array by default."""
-    slope = array("gradient", gradient, 1)
-    u = np.empty_like(slope) if out is None else out
-    LpNorm(slope.size).solve(slope, number("decrease", decrease), number("p", p), u)
-    return u
+        found, self.kkt_residual = self._kernel(self.u.size, gradient, psi + drift, self._p, self.u)
+        solved = found == status.OK
+        if not solved:
+            self.u[:] = 0.0
+        self.path, self.rho = (FREE, 1.0) if solved else (STILL, 0.0)
+        self.rate = float(gradient @ self.u) + drift
+        if solved:
+            return status.OK
+        return status.ZERO_GRADIENT if found == status.INFEASIBLE else status.BAD_INPUT

@@ -21,8 +21,7 @@ from hoap3.remote_controller.solvers.base.status import (
     UNBOUNDED,
     UNSOLVED,
 )
-from hoap3.remote_controller.solvers.base.validation import array
-from hoap3.remote_controller.solvers.qp.qp_backends import EQUATION, NO_BOUND
+from hoap3.remote_controller.solvers.qp.dense_qp import EQUATION, NO_BOUND
 
 Array = NDArray[np.float64]
 
@@ -71,7 +70,7 @@ class MaxDescentLp:
         from hoap3.remote_controller.solvers.lyapunov_qp import lyapunov_qp_kernels as kernels
 
         self._fill, self._solve = kernels.fill_kernel, daqp.solve
-        self.weights = np.ones(n) if weights is None else array("weights", weights, 1).copy()
+        self.weights = np.ones(n) if weights is None else np.array(weights, float)
         if self.weights.shape != (n,) or not np.all((self.weights > 0) & np.isfinite(self.weights)):
             raise BadProblemError(f"weights must be {n} positive numbers, one for each joint.")
         self.n, self._kind = n, kind

@@ -3,9 +3,9 @@
 In the variables y = W u: for QP12, ℓ1 and ℓ2 y = p − m with p, m ≥ 0, which is strictly convex and
 exact (p·m = 0 at the optimum); for ℓ∞ y and max|y|; for least squares y alone.
 
-For QP12, ℓ1 and ℓ2 with equations Newton's method for the dual (`dual_newton_kernels`) comes before
-daqp: where no row of A holds the answer back, it has one sooner. Without equations exact clamping
-would have had that answer before.
+For QP12, ℓ1 and ℓ2 Newton's method for the dual (`dual_newton_kernels`) comes before daqp where
+there are equations, or no rows of A: if no row of A is active, it finds the answer sooner. With
+bounds alone it is needed where 0 is not within them, which exact clamping requires.
 """
 
 from __future__ import annotations
@@ -17,13 +17,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
-from hoap3.remote_controller.solvers.qp.qp_backends import (
-    ENDS,
-    EQUATION,
-    NO_BOUND,
-    Program,
-    backend,
-)
+from hoap3.remote_controller.solvers.qp.dense_qp import EQUATION, NO_BOUND, Program, daqp
 
 Array = NDArray[np.float64]
 
@@ -32,9 +26,8 @@ SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares:
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 PROXIMAL_STEPS = 10
 PROVED = 1e-8  # residual: less is one
-EXACT = 1e-11  # residual of what Newton's method finds; where it is more, the QP solver is asked
+EXACT = 1e-11  # residual of what Newton's method finds; where it is more, daqp solves the QP
 KEPT = 1e-8  # [of W u] how far beyond a bound or a row an answer may be, whatever the tolerance
-BEYOND = 10.0  # of a solver's own end: as far beyond a limit an answer may be
 
 
 class StableProgram:
@@ -44,17 +37,13 @@ class StableProgram:
         kind: `NORM`, `MAXIMUM` or `SQUARES`.
         scaled: the rows.
         equality: whether V has to fall as fast as asked, or at least so.
-        solver: name of a backend.
 
     Attributes:
         y: the last answer, W u, (n,).
         residual: its KKT residual, see `kkt_residual_kernels`.
-
-    Raises:
-        UnknownNameError: no such solver, or it is not installed.
     """
 
-    def __init__(self, kind: int, scaled: MaxDescentLp, *, equality: bool, solver: str) -> None:
+    def __init__(self, kind: int, scaled: MaxDescentLp, *, equality: bool) -> None:
         from hoap3.remote_controller.solvers.lyapunov_qp import (
             dual_newton_kernels,
             kkt_residual_kernels,
@@ -68,9 +57,10 @@ class StableProgram:
         self._misjudged = kkt_residual_kernels.misjudged_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
-        self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
+        self._attempt = daqp(self._program)
         self._newton = dual_newton_kernels.dual_newton
-        self._newton_first = kind == NORM and solver == "daqp" and scaled.k > 0
+        bounds_only = len(scaled.rows) == 1 + scaled.k  # and ∇V's, and equations
+        self._newton_first = kind == NORM and (scaled.k > 0 or bounds_only)
         count = len(scaled.rows)
         self._newton_work = np.zeros((6, 2 * scaled.n)), np.zeros((2, count))
         self._factor, self._multipliers = np.zeros((count, count)), np.zeros(count)
@@ -129,7 +119,7 @@ class StableProgram:
         return best is not None
 
     def _proved(self) -> bool:
-        return self.residual <= max(PROVED, self._end)
+        return self.residual <= PROVED
 
     def run_damped(self, gamma: float, fall: float, worth: float, tolerance: float) -> bool:
         """Solve the QP with −s·y ≤ fall and a reward for −s·y; False where the solver gave up.
@@ -200,14 +190,14 @@ class StableProgram:
                 broken = self._judge(proof, price, kappa, target, equality)
                 if broken <= tolerance and self.residual <= EXACT:
                     return True
-        proof = self._by_backend(price, kappa, tolerance)
+        proof = self._by_daqp(price, kappa, tolerance)
         if proof is None:
             return False
         if turns is not None:
             proof *= turns[:, 0]
             proof[self._scaled.used] -= float(turns[:, 1] @ proof)
         broken = self._judge(proof, price, kappa, target, equality)
-        return broken <= max(min(tolerance, KEPT), self._end)
+        return broken <= min(tolerance, KEPT)
 
     def _judge(
         self, proof: Array, price: float, kappa: float, target: float | None, equality: bool
@@ -260,8 +250,8 @@ class StableProgram:
         )
         return multipliers if found else None
 
-    def _by_backend(self, price: float, kappa: float, tolerance: float) -> Array | None:
-        """Set y as the QP solver finds it; multipliers of the rows, None where it gave up."""
+    def _by_daqp(self, price: float, kappa: float, tolerance: float) -> Array | None:
+        """Set y as daqp finds it; multipliers of the rows, None where it gave up."""
         program, rows, n = self._program, self._scaled, self._scaled.n
         f, slope = program.f, rows.slope
         if self._kind == SQUARES:
@@ -326,8 +316,6 @@ def kind_of(objective: str | float, gamma: float) -> tuple[int, float]:
             f"the objective {objective!r} is not supported with constraints. Choose 'qp12', an ℓp "
             "norm with p = 1, 2 or inf, or 'least_squares'."
         )
-    if not 0.0 <= gamma <= 1.0:
-        raise BadProblemError(f"gamma must be within [0, 1] (found {gamma}).")
     return kinds[objective]
 
 

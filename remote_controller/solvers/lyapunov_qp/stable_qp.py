@@ -2,17 +2,15 @@
 
     min  Φ(u)   subject to   ∇V·u + ∂V/∂t = −ρΨ,  A u ≤ b,  C u = c,  lower ≤ u ≤ upper
 
-Gonçalves et al., IEEE T-RO 2020, (3) and (18). ``StableQp`` is for loops; ``lyapunov_qp`` and
-``feasible_rate`` for everything else.
+Gonçalves et al., IEEE T-RO 2020, (3) and (18).
 
 ρ is the largest number up to 1 that the constraints allow, min(1, ρ*) of (6), found again at each
-solve, unless `max_speed_ratio` damps it or `keep_rho` keeps it. The way to the answer, cheapest
-first:
+solve, unless `max_speed_ratio` damps it. The way to the answer, cheapest first:
 
 1. QP12, then QP12 within the bounds by exact clamping, ρ in closed form. Where that keeps all
    rows, it is the answer.
-2. The QP with ρ = 1: with equations, and no row of A active, by Newton's method for its dual, else
-   by daqp.
+2. The QP with ρ = 1: by Newton's method for its dual where there are equations or no rows of A,
+   and no row of A is active; else by daqp.
 3. If that has no solution, the LP (7), which is then bounded, and the QP with ρ a little below ρ*
    (by 1e-9 of it): at ρ* itself the feasible set is a point, which rounding may remove. While ρ
    stays below 1, the LP comes first at the next solves: that changes their time, not their answer.
@@ -57,7 +55,7 @@ from hoap3.remote_controller.solvers.lyapunov_qp.program import (
     StableProgram,
     kind_of,
 )
-from hoap3.remote_controller.solvers.qp.qp_backends import NO_BOUND
+from hoap3.remote_controller.solvers.qp.dense_qp import NO_BOUND
 
 Array = NDArray[np.float64]
 
@@ -82,20 +80,17 @@ class StableQp:
             is added for 1 and inf, which makes u unique; `"least_squares"`: ½|M u − y|² +
             ½·1e-6·|u|² with M and y given to each solve.
         gamma: γ of `"qp12"`. 1 − γ counts as 1e-6 at least.
-        weights: of the joints, (n,), positive; all 1 by default.
-        lyapunov: `"equality"` as above, or `"descent"`: ∇V·u + ∂V/∂t ≤ 0, whatever Ψ (Remark 1).
+        weights: of the joints, (n,), positive; all 1 by default. Least squares have none.
+        lyapunov: `"equality"` as above, or `"descent"`: ∇V·u + ∂V/∂t ≤ 0, whatever Ψ (Remark 1),
+            for least squares: with a norm u = 0 would be the optimum.
         max_speed_ratio: 0: ρ is the largest feasible one, whatever speed it costs. Above, ρ is
             damped: where bounds alone are not the answer, V falls as asked only while that costs no
             more than so many times the speed that one joint alone would need, and else by less.
-        keep_rho: keep the last ρ while the problem is feasible with it, as the end of section
-            III-A has it: it saves LPs, but ρ can only decrease until `forget`.
-        solver: `"daqp"`, or a peer by name.
 
     Attributes:
         u: the answer, (n,).
         rho: ρ = −V̇/Ψ, within ±1e9, which stands for infinity.
         rate: V̇ = ∇V·u + ∂V/∂t of the answer.
-        required: V̇ that was asked for, −Ψ (times the ρ that was kept); 0 for `"descent"`.
         path: index into `PATHS`.
         margin: smallest b − A u or distance to a bound, each in its own unit; inf without any.
         kkt_residual: how far u is from optimal, relative; inf where there is no proof.
@@ -103,9 +98,8 @@ class StableQp:
         gamma: γ; may be changed between solves.
 
     Raises:
-        BadProblemError: a p that constraints are not supported for, γ outside [0, 1], weights that
-            do not fit, or `"descent"` with a norm, whose optimum is u = 0: the robot never moves.
-        UnknownNameError: no such solver, or it is not installed.
+        BadProblemError: a p that constraints are not supported for, a γ outside [0, 1], weights
+            that are not n positive numbers, or another word for `lyapunov`.
     """
 
     def __init__(
@@ -119,50 +113,39 @@ class StableQp:
         weights: ArrayLike | None = None,
         lyapunov: Literal["equality", "descent"] = "equality",
         max_speed_ratio: float = 0.0,
-        keep_rho: bool = False,
-        solver: str = "daqp",
     ) -> None:
         from hoap3.remote_controller.solvers.lyapunov_qp import lyapunov_qp_kernels as kernels
-        from hoap3.remote_controller.solvers.qp12.bounded_qp12_kernels import box_rho_kernel
 
         self._cheap = kernels.try_closed_form
         self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status
         self._forced_by = kernels.forced_kernel
         self.n, self.m, self.k = n, m, k
-        self._kind, gamma = kind_of(objective, gamma)
-        self.gamma = gamma
+        if not 0.0 <= gamma <= 1.0:
+            raise BadProblemError(f"gamma must lie between 0 and 1 (found {gamma!r}).")
         if lyapunov not in ("equality", "descent"):
             raise BadProblemError(f"lyapunov must be 'equality' or 'descent' (found {lyapunov!r}).")
+        self._kind, gamma = kind_of(objective, gamma)
+        self.gamma = gamma
         self._equality = lyapunov == "equality"
-        if not self._equality and self._kind != SQUARES:
-            raise BadProblemError(
-                "V̇ ≤ 0 with a norm as Φ has the optimum u = 0: the robot never moves. Choose "
-                "lyapunov='equality', or objective='least_squares'."
-            )
         self._steepest = MaxDescentLp(n, m, k, weights, self._kind)
-        if self._kind == SQUARES and np.any(self._steepest.weights != 1.0):
-            raise BadProblemError("least squares take no weights: put them into M and y.")
         self._work = np.ones((4, n))
         self.weights = self._work[0]
         self.weights[:] = self._steepest.weights
         self._steepest.weights = self.weights
-        self._program = StableProgram(
-            self._kind, self._steepest, equality=self._equality, solver=solver
-        )
+        self._program = StableProgram(self._kind, self._steepest, equality=self._equality)
         self._none_C, self._none_c = np.zeros((0, n)), np.zeros(0)
-        self._keep_rho, self._kept, self._max_speed_ratio = keep_rho, 1.0, max_speed_ratio
-        self._rho, self._box = kernels.find_rho, box_rho_kernel
+        self._max_speed_ratio = max_speed_ratio
         self._result, self._reached = np.zeros(4), False
         self._limited = False  # whether the last QP had to go below the ρ it was asked for
         self._size = np.array([n, m, k])
-        self.u, self._spare = np.zeros(n), np.zeros(n)
+        self.u = np.zeros(n)
         self.path, self.status = STILL, status.UNSOLVED
-        self.rho, self.rate, self.required = 0.0, 0.0, 0.0
+        self.rho, self.rate = 0.0, 0.0
         self.margin, self.kkt_residual = -math.inf, math.inf
 
     def forget(self) -> None:
-        """Let ρ rise to 1 again, where it is kept from solve to solve; look for it anew."""
-        self._kept, self._limited = 1.0, False
+        """Try ρ = 1 first at the next solve."""
+        self._limited = False
 
     def solve(
         self,
@@ -201,9 +184,8 @@ class StableQp:
         """
         equal = self._none_C if C is None else C
         values = self._none_c if c is None else c
-        ceiling = self._kept if self._equality else 0.0
+        ceiling = 1.0 if self._equality else 0.0
         gamma = min(self.gamma, MOST_GAMMA) if self._kind == NORM else -1.0
-        self.required = -ceiling * psi if self._equality else 0.0
         try:
             self.status, self.path = self._cheap(
                 self._size,
@@ -252,65 +234,7 @@ class StableQp:
             if self._reached:
                 self._result[RHO] = ceiling
         self.rate, self.rho, self.margin, self.kkt_residual = self._result.tolist()
-        if self._keep_rho and self._equality and self.status == status.OK:
-            self._kept = min(self._kept, max(self.rho, 0.0))
         return self.status
-
-    def rho_star(
-        self,
-        gradient: Array,
-        psi: float,
-        drift: float,
-        A: Array,
-        b: Array,
-        lower: Array,
-        upper: Array,
-        C: Array | None = None,
-        c: Array | None = None,
-    ) -> tuple[int, float]:
-        """Status and min(1, ρ*) of (6), without looking for u; arguments as for `solve`.
-
-        ρ is 0 unless the status is `OK`, `STATIONARY` or `CANNOT_DESCEND`.
-        """
-        equal = self._none_C if C is None else C
-        values = self._none_c if c is None else c
-        found, _ = self._cheap(
-            self._size,
-            gradient,
-            psi,
-            drift,
-            1.0,
-            -1.0,
-            A,
-            b,
-            equal,
-            values,
-            lower,
-            upper,
-            self._work,
-            self._spare,
-            self._result,
-        )
-        if found != status.OK:
-            return found, 0.0
-        if self.m == self.k == 0 and drift == 0.0 and np.all(lower <= 0.0) and np.all(upper >= 0):
-            return self._box(gradient, psi, lower, upper)
-        self._steepest.fill(gradient, A, b, equal, values, lower, upper)
-        top, asked = self._steepest.top, psi + drift
-        if top == 0.0:
-            found, _ = self._steepest.fall()
-            return found, 1.0 if found == status.OK else 0.0
-        wanted = min(asked / top, NO_BOUND)
-        found, fall = self._steepest.fall(1.0, wanted)
-        if found != status.OK:
-            return found, 0.0
-        if not self._steepest.sure:
-            return status.UNSOLVED, 0.0
-        size = 1.0 + abs(wanted) + float(np.abs(self._steepest.slope) @ np.abs(self._steepest.v))
-        if fall >= wanted - (ROUNDING if wanted else CLOSE) * size:  # 0: no ρ can be compared
-            return found, 1.0
-        verdict = self._verdict(fall, wanted, drift / top, 1.0, self._forced() <= 0.0)
-        return verdict, 0.0 if verdict == status.STATIONARY else self._rho(fall * top, psi, drift)
 
     def _search(self, gamma: float, drift: float, asked: float) -> None:
         """Solve the QP, with a lower ρ if need be; sets status, path and y."""

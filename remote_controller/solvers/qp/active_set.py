@@ -5,7 +5,39 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.remote_controller.solvers.base import status
-from hoap3.remote_controller.solvers.qp.qp_backends import Answer, Array, Program
+from hoap3.remote_controller.solvers.qp.dense_qp import Answer, Array, Program
+
+
+def solve_bounded(
+    H: Array, f: Array, rows: Array, lower: Array, upper: Array
+) -> tuple[int, Array, Array]:
+    """Minimise ½ xᵀHx − fᵀx within lower ≤ rows·x ≤ upper.
+
+    Args:
+        H: positive definite, (n, n).
+        f: (n,).
+        rows: (c, n), each of length 1 or 0.
+        lower, upper: (c,), ∓inf where there is none.
+
+    Returns:
+        Status as of `ActiveSet.solve`; x (n,); multipliers of the rows (c,).
+    """
+    from hoap3.remote_controller.solvers.qp import active_set_kernels as kernels
+
+    c, n = rows.shape
+    values, multipliers = np.zeros(n + c), np.empty(n + c)
+    found, _ = kernels.bounded_values_kernel(
+        H.copy(),
+        f.copy(),
+        np.ascontiguousarray(rows),
+        np.ascontiguousarray(lower),
+        np.ascontiguousarray(upper),
+        np.empty((n, n + c)),
+        np.empty((n, n)),
+        values,
+        multipliers,
+    )
+    return found, values[:n], multipliers[n:]
 
 
 class ActiveSet:
@@ -16,9 +48,9 @@ class ActiveSet:
     """
 
     def __init__(self, program: Program) -> None:
-        from hoap3.remote_controller.solvers.qp import active_set_kernels as kernels
+        import hoap3.remote_controller.solvers.qp.active_set_kernels  # noqa: F401 - before a loop
 
-        self._program, self._kernel = program, kernels.bounded_values_kernel
+        self._program = program
 
     def __call__(self, tolerance: float) -> Answer:
         """Whether there is a solution, x and the multipliers; the tolerance is its own."""
@@ -41,16 +73,6 @@ class ActiveSet:
         V = np.vstack([np.eye(v), program.A])
         size = np.linalg.norm(V, axis=1)
         size[size == 0.0] = 1.0
-        values, multipliers = np.zeros(2 * v + r), np.empty(2 * v + r)
-        found, _ = self._kernel(
-            program.H.copy(),
-            -program.f,
-            V / size[:, None],
-            program.least / size,
-            program.most / size,
-            np.empty((v, 2 * v + r)),
-            np.empty((v, v)),
-            values,
-            multipliers,
-        )
-        return found, values[:v], multipliers[2 * v :] / size[v:]
+        sides = program.least / size, program.most / size
+        found, x, multipliers = solve_bounded(program.H, -program.f, V / size[:, None], *sides)
+        return found, x, multipliers[v:] / size[v:]

@@ -304,19 +304,3 @@ def bounded_qp12_kernel(
     if status != OK:
         return -float(status)
     return bounded_kkt_residual(gradient, decrease, gamma, lower, upper, out, work)
-
-
-@kernel()
-def box_rho_kernel(gradient: Vector, psi: float, lower: Vector, upper: Vector) -> tuple[int, float]:
-    """Status and min(1, ρ*), where only bounds limit the decrease ρΨ of V; closed form of (6)."""
-    n = gradient.size
-    if not (lower.size == n and upper.size == n):
-        return BAD_SHAPE, 0.0
-    finite = 0.0 <= psi <= MAX
-    for i in range(n):
-        finite = finite and abs(gradient[i]) <= MAX
-    if not (finite and bounds_fit(lower, upper)):
-        return BAD_INPUT, 0.0
-    if psi == 0.0:
-        return OK, 1.0
-    return OK, min(1.0, most_decrease(gradient, lower, upper, True) / psi)

@@ -66,7 +66,7 @@ class OsqpQp12:
     """min γ|u|₁ + (1−γ)/2·|u|₂² such that gradient·u = −decrease, by operator splitting.
 
     The last digits of an answer depend on what was solved before, because OSQP starts from there;
-    `forget` makes it begin anew.
+    `forget` resets it to a cold start.
 
     Args:
         n: number of joints.

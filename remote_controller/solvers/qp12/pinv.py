@@ -1,18 +1,17 @@
 """The pseudo-inverse baseline: u along −J⁺ e, of minimum norm.
 
-``Pinv`` is for loops, ``pinv`` and ``pinv_plain`` for everything else. The kernels are compiled, or
-loaded, when the first ``Pinv`` is made. How rank deficiency is treated stands in
-``pinv_kernels``.
+The kernels are compiled, or loaded, when the first ``Pinv`` is made. How rank deficiency is treated
+stands in ``pinv_kernels``.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
 from hoap3.remote_controller.solvers.base.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, number
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS
 
 
 class Pinv:
@@ -77,41 +76,6 @@ class Pinv:
     def rank(self) -> int:
         """Numerical rank of the last Jacobian."""
         return int(self._rank[0])
-
-
-def pinv(
-    jacobian: ArrayLike, error: ArrayLike, decrease: float, out: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """The u along −J⁺ e with eᵀ J u = −decrease.
-
-    Args:
-        jacobian: J, shape (m, n).
-        error: e, shape (m,).
-        decrease: −V̇ to be reached, V = |e|²/2; any sign, 0 gives u = 0.
-        out: where to write u, shape (n,); a new array by default.
-
-    Returns:
-        u, shape (n,).
-
-    Raises:
-        InfeasibleError: Jᵀe = 0, the decrease is not.
-        BadProblemError: wrong shape or type, a value that is not finite, or an answer that
-            overflows.
-    """
-    J, e = array("jacobian", jacobian, 2), array("error", error, 1)
-    u = np.empty(J.shape[1]) if out is None else out
-    Pinv(*J.shape).solve(J, e, number("decrease", decrease), u)
-    return u
-
-
-def pinv_plain(
-    jacobian: ArrayLike, error: ArrayLike, gain: float, out: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """The input u = −gain J⁺ e; arguments and errors as those of ``pinv``, but never infeasible."""
-    J, e = array("jacobian", jacobian, 2), array("error", error, 1)
-    u = np.empty(J.shape[1]) if out is None else out
-    Pinv(*J.shape).solve_plain(J, e, number("gain", gain), u)
-    return u
 
 
 def _failure(status: int, m: int, n: int, factor: float) -> SolverError:

@@ -2,8 +2,8 @@
 
     min  γ|u|₁ + (1−γ)/2 |u|²   subject to   gradient·u = −decrease
 
-Gonçalves et al., IEEE T-RO 2020, equation (26). ``Qp12`` is for loops, ``qp12`` for everything
-else. The kernels are compiled, or loaded, when the first ``Qp12`` is made.
+Gonçalves et al., IEEE T-RO 2020, equation (26). The kernels are compiled, or loaded, when the
+first ``Qp12`` is made.
 """
 
 from __future__ import annotations
@@ -11,10 +11,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, no_descent, number
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers.base.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OUT_OF_RANGE,
+)
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS
 
 
 class Qp12:
@@ -54,37 +60,17 @@ class Qp12:
         except TypeError as error:
             self.kkt_residual = math.inf
             raise BadProblemError(f"QP12: wrong type of argument. {KERNEL_ARRAYS}") from error
-        if status:
-            raise no_descent(
-                "QP12",
-                status,
-                decrease,
-                f"gradient and out must both have shape ({self.n},).",
-                "gradient and decrease must be finite and gamma within [0, 1] (found decrease "
-                f"{decrease}, gamma {gamma}).",
+        if status == INFEASIBLE:
+            raise InfeasibleError(
+                "QP12: the gradient is zero, so no input can reach a decrease of "
+                f"{decrease}. Let the decrease vanish with the gradient."
             )
-
-
-def qp12(
-    gradient: ArrayLike, decrease: float, gamma: float, out: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """Solve one QP12.
-
-    Args:
-        gradient: ∇V, shape (n,).
-        decrease: −V̇ to be reached; any sign, u is odd in it, 0 gives u = 0.
-        gamma: 0 (even) to 1 (sparse; joints tied for the largest gradient share evenly).
-        out: where to write u, shape (n,); a new array by default.
-
-    Returns:
-        u, shape (n,), in the unit of decrease/gradient.
-
-    Raises:
-        InfeasibleError: the gradient is zero, the decrease is not.
-        BadProblemError: wrong shape or type, a value that is not finite, γ outside [0, 1], or an
-            answer beyond 1e307.
-    """
-    slope = array("gradient", gradient, 1)
-    u = np.empty_like(slope) if out is None else out
-    Qp12(slope.size).solve(slope, number("decrease", decrease), number("gamma", gamma), u)
-    return u
+        if status:
+            problems = {
+                BAD_SHAPE: f"gradient and out must both have shape ({self.n},).",
+                OUT_OF_RANGE: f"a decrease of {decrease} along so small a gradient needs an input "
+                "beyond 1e307. Let the decrease vanish with the gradient, and check the units.",
+                BAD_INPUT: "gradient and decrease must be finite and gamma within [0, 1] (found "
+                f"decrease {decrease}, gamma {gamma}).",
+            }
+            raise BadProblemError(f"QP12: {problems[status]}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.qp.active_set import ActiveSet
-from hoap3.remote_controller.solvers.qp.qp_backends import NO_BOUND, Program, daqp
+from hoap3.remote_controller.solvers.qp.dense_qp import Program, daqp
 
 Array = NDArray[np.float64]
 
@@ -53,18 +53,18 @@ class Tsid:
         n = self.n = effort.size
         self._lay_out, self._prove = kernels.lay_out, kernels.prove
         self._effort = np.ascontiguousarray(effort)
-        self._program = _program(n + rows, n)
+        self._program = Program.unbounded(n, n + rows)
         self.rows = self._program.A[n:]
         self.rows_lower, self.rows_upper = np.full(rows, -np.inf), np.full(rows, np.inf)
         self._attempt = daqp(self._program)
         self._insist = daqp(self._program, sing_tol=SINGULAR)
-        self._soft = _program(n + rows, 2 * n)
+        self._soft = Program.unbounded(2 * n, n + rows)
         self._soften = [daqp(self._soft, sing_tol=SINGULAR)]
         self._none = np.zeros(n + rows)
         self._given = rows > 0
         if self._given:  # where equations among them depend on each other, daqp may give up
             self._soften.append(ActiveSet(self._soft))
-            self._nearest = _program(rows, n)
+            self._nearest = Program.unbounded(n, rows)
             self._nearest.A = self.rows
             self._find_nearest = ActiveSet(self._nearest)
         self.ddq, self.tau = np.zeros(n), np.zeros(n)
@@ -196,16 +196,3 @@ class Tsid:
         for mine, theirs in ((nearest.least, hard.least), (nearest.most, hard.most)):
             mine[:n], mine[n:] = theirs[:n], theirs[2 * n :]
         return self._find_nearest.solve()[0] == status.INFEASIBLE
-
-
-def _program(rows: int, variables: int) -> Program:
-    """A program without bounds on its variables."""
-    count = variables + rows
-    return Program(
-        np.eye(variables),
-        np.zeros(variables),
-        np.zeros((rows, variables)),
-        np.full(count, -NO_BOUND),
-        np.full(count, NO_BOUND),
-        np.zeros(count, np.int32),
-    )

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located, one_of
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.frame_dynamics import POSE, POSITION, FrameRows, FramesDynamics
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import (
@@ -23,7 +23,7 @@ from hoap3.remote_controller.references.settings import (
     target_of,
 )
 from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
-from hoap3.remote_controller.scheduling.numbers import Part, nothing, private
+from hoap3.remote_controller.scheduling.changes import Part, part_of, private
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
 from hoap3.remote_controller.tasks.accelerations.position_reference import PositionReference
@@ -79,7 +79,6 @@ class AccelerationTasks:
         file: where they stand, under `parameters.tasks`; other files are sought beside it.
         torque_max: greatest torques, (n,), that `load` is relative to.
         compensate_friction: whether viscous friction counts among the torques.
-        braking_per_s: d; rows of I stand below the tasks', and ask for −d·dq.
 
     Attributes:
         names, sizes, rows: of the tasks, how many rows each has, and which.
@@ -106,7 +105,6 @@ class AccelerationTasks:
         torque_max: FloatArray,
         *,
         compensate_friction: bool,
-        braking_per_s: float,
     ) -> None:
         from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
         from hoap3.remote_controller.tasks.accelerations.wrench_kernels import turn_to_root
@@ -147,7 +145,7 @@ class AccelerationTasks:
         self.error, self.motion, self.rate, self.slope = np.zeros((4, m))
         self.with_rest = self.dynamics.jacobian[: m + n], np.zeros(m + n)
         self.wanted, self._brakes = self.with_rest[1][:m], self.with_rest[1][m:]
-        self.brake(braking_per_s)  # no faster than to rest at once
+        self._braking = 0.0
         self._rows = (self.error, self.motion, self.rate, self.slope, self.wanted)
         self._targets, self._turns = np.zeros((k, 3, 3)), np.zeros((k, 3, 3))
         self._posture, self._of_joint = np.zeros(m), np.zeros(m, np.int64)
@@ -329,22 +327,19 @@ class AccelerationTasks:
         self._parameters[i] = self._parameters[i].model_copy(update=wanted)
 
     def brake(self, braking_per_s: float) -> None:
-        """Take d."""
+        """Take d [1/s], no faster than to rest at once."""
         self._braking = -min(braking_per_s, 1.0 / self._robot.period_s)
 
     def parts(self) -> list[Part]:
         """Parameters of the tasks, as far as they may change."""
         found: list[Part] = []
         for i, (name, parameters) in enumerate(zip(self.names, self._parameters, strict=True)):
+            if i in self._functions:
+                found += part_of(self._functions[i], ("tasks", name), ("tasks", i))
+                continue
+            self._parameters[i] = private(parameters)  # what counts is read where it is needed
             path, place = ("tasks", name, "parameters"), ("tasks", i, "parameters")
-            function = self._functions.get(i)
-            if function is None:  # what counts is read where it is needed
-                self._parameters[i] = private(parameters)
-                part = Part(path, place, self._parameters[i], nothing, fixed=FIXED)
-                found.append(part)
-            elif type(function).tune is not LyapunovFunction.tune:
-                given = function.tune, function.fits, function.stands_for
-                found.append(Part(path, place, private(parameters), *given))
+            found.append(Part(path, place, self._parameters[i], None, FIXED))
         return found
 
     def _located(self, i: int) -> AbstractContextManager[None]:

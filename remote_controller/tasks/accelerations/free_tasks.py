@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import COM
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import COM
 from hoap3.remote_controller.model.frame_dynamics import POSE, FrameRows
 from hoap3.remote_controller.model.free_dynamics import BASE, FreeDynamics
 from hoap3.remote_controller.references.live.live_settings import (

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from hoap3.protocol.config.changeable import CHANGEABLE
+from hoap3.protocol.config.changeable import CHANGEABLE, CRITICAL_DAMPING
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.references.postures import PostureValues
 from hoap3.remote_controller.tasks.registry import LabelledTask
@@ -19,7 +19,7 @@ class Gains(Settings):
     """Of a wanted acceleration kp·error − kd·velocity."""
 
     kp: float = Field(10.0, gt=0, description="of the error [1/s²]", json_schema_extra=CHANGEABLE)
-    kd: float | None = Field(
+    kd: Annotated[float | None, CRITICAL_DAMPING] = Field(
         None,
         ge=0,
         description="[1/s]; null: 2√kp, critical damping",
@@ -30,16 +30,6 @@ class Gains(Settings):
     def both(self) -> tuple[float, float]:
         """Gains kp and kd."""
         return self.kp, 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
-
-
-def critical_damping(parameters: Any, key: str) -> float | None:
-    """What a kd that is null stands for, by its dotted key among parameters: 2√kp."""
-    *place, name = key.split(".")
-    if name != "kd":
-        return None
-    for part in place:
-        parameters = parameters[int(part)] if part.isdigit() else getattr(parameters, part)
-    return 2.0 * math.sqrt(parameters.kp)
 
 
 class GoalSettings(PostureValues):
@@ -64,8 +54,4 @@ class GoalSettings(PostureValues):
 class AccelerationTask(LabelledTask, Gains):
     """A task that asks for an acceleration: ë = −kp·e − kd·ė."""
 
-    hints: ClassVar = {
-        "gain_per_s": "Accelerations have the gains kp [1/s²] and kd [1/s]",
-        "kind": "This is the form before 0.2: write `task: frame_position`, frame_pose, posture or "
-        "wrench for kind: position, pose, posture or force, and its settings under `parameters`",
-    }
+    hints: ClassVar = {"gain_per_s": "Accelerations have the gains kp [1/s²] and kd [1/s]"}

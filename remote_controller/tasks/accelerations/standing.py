@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.frame_dynamics import FramesDynamics
 from hoap3.remote_controller.references.postures import posture_of
 from hoap3.remote_controller.references.settings import PointSettings

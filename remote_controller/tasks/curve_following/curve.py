@@ -11,9 +11,9 @@ from pydantic import Field
 
 from hoap3.protocol.config.plugins import PluginGroup
 from hoap3.protocol.config.settings import Settings, parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.references.curves import AXES, Plane
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 

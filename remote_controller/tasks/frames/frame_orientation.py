@@ -87,7 +87,7 @@ class FrameOrientationTask(Task):
         """V of this task."""
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, parameters.frame, reference, np.zeros(3))
-        task.tune(parameters)
+        task.apply(parameters)
         if parameters.target is not None:
             return TaskFunction(task, parameters.target.build(), parameters.weights)
         if parameters.rotation_rad is None:
@@ -95,8 +95,8 @@ class FrameOrientationTask(Task):
         turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
         return TaskFunction(task, turn, parameters.weights)
 
-    def tune(self, parameters: Any) -> None:
-        """Take the tolerance."""
+    def apply(self, parameters: Any) -> None:
+        """Read the tolerance."""
         self.tolerance_deg = parameters.tolerance_deg
 
     def update(self, kinematics: Kinematics) -> None:

@@ -126,7 +126,7 @@ class FramePoseTask(Task):
         """V of this task."""
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, parameters.frame, reference, np.zeros(6))
-        task.tune(parameters)
+        task.apply(parameters)
         target, names = task._aim(context, parameters), (*AXES, *TURNS)
         units = ["m"] * len(AXES) + ["rad"] * len(TURNS)
         tolerances = tolerances_of(parameters.target, target, names, units)
@@ -151,8 +151,8 @@ class FramePoseTask(Task):
         self.read(context.kinematics, pose)
         return Point(pose)
 
-    def tune(self, parameters: Any) -> None:
-        """Take the tolerances."""
+    def apply(self, parameters: Any) -> None:
+        """Read the tolerances."""
         self.tolerances = parameters.tolerance_m, parameters.tolerance_deg
 
     def update(self, kinematics: Kinematics) -> None:

@@ -89,13 +89,13 @@ class FramePositionTask(Task):
         frame, axes = parameters.frame, parameters.axes
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, frame, reference, np.zeros(3), axes)
-        task.tune(parameters)
+        task.apply(parameters)
         target = target_of(parameters.target, context.folder)
         tolerances = tolerances_of(parameters.target, target, axes, "m")
         return TaskFunction(task, target, parameters.weights, tolerances)
 
-    def tune(self, parameters: Any) -> None:
-        """Take the tolerance."""
+    def apply(self, parameters: Any) -> None:
+        """Read the tolerance."""
         self.tolerance_m = parameters.tolerance_m
 
     def update(self, kinematics: Kinematics) -> None:

@@ -10,8 +10,8 @@ import pytest
 from support.constraint_bench import ROUNDING, StatedDrift
 from test_constraint_levels import TRIED
 
-from docs.tables.constraints_table import serves
-from docs.tables.tasks_table import level, takes
+from benchmarks.tables.constraints_table import serves
+from benchmarks.tables.tasks_table import level, takes
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.acceleration.problem import (

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from registered_constraints import cases
 
-from docs.tables.constraints_table import PAGE, serves, written
-from docs.tables.tasks_table import level, of_tasks, takes
+from benchmarks.tables.constraints_table import serves
+from benchmarks.tables.tasks_table import level, of_tasks, takes
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import ControllerConfig, build
@@ -31,11 +31,6 @@ def made(controller, robot, given):
     config = ControllerConfig(controller=controller, robot=robot.name, parameters=parameters)
     kind = "position" if level(controller) == "velocity" else "acceleration"
     return build(config, robot.model_copy(update={"command_kinds": (kind,)}), "mine.yaml")
-
-
-def test_the_table_of_the_page_is_up_to_date():
-    text = PAGE.read_text(encoding="utf-8")
-    assert written(text) == text, "run `python -m docs.tables.constraints_table`"
 
 
 def test_every_constraint_is_tried():

@@ -195,11 +195,6 @@ def test_a_users_own_class_is_found_by_dotted_path():
             ConfigError,
             r"mine\.yaml: rules\.1\.parameters\.frame",
         ),
-        (
-            [{**ALL[0], "eta_per_s": "fast"}],
-            ConfigError,
-            r"mine\.yaml: rules\.0\.parameters\.eta_per_s",
-        ),
     ],
 )
 def test_wrong_entries_are_named(entries, error, words):

@@ -189,7 +189,7 @@ def crank(ratio: float):
 
 
 @pytest.mark.parametrize("ratio", [20.0, -20.0])
-def test_a_follower_that_goes_further_than_its_master_is_looked_at(ratio):
+def test_a_mimic_joint_that_goes_further_than_its_mimicked_joint_is_looked_at(ratio):
     """The slide stops within 10 cm, and meanwhile the arm turns through a ball 1 rad ahead."""
     ahead = [0.5 * np.cos(1.0), np.sign(ratio) * 0.5 * np.sin(1.0), 0.05]
     ball = {**BALL, "center_m": ahead, "radius_m": 0.05}

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from support import HOUSE
 from support.constraint_bench import PERIOD, hoap3
 
 from hoap3.protocol.errors import ConfigError
@@ -16,7 +12,6 @@ from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.registry import ConstraintSettings, build
 from hoap3.remote_controller.model.kinematics import Kinematics
 
-PAGE = HOUSE / "docs" / "writing_a_constraint.md"
 N = 21
 
 
@@ -120,17 +115,3 @@ def test_ours_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "check_first_update", never)
     entries = [ConstraintSettings(constraint="joint_velocity")]
     assert len(build(entries, hoap3(), Kinematics(hoap3()), PERIOD).constraints) == 1
-
-
-def test_the_docs_quote_the_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    code = text.partition("<!-- file: least_height.py -->\n```python\n")[2].partition("```")[0]
-    code = code.replace("out=A_out[0])", "out=A_out[0])\n        A_out[0, 0] = np.nan")
-    (tmp_path / "least_height.py").write_text(code, encoding="utf-8")
-    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
-    names = "joint_velocity", "joint_position", "least_height:LeastHeight"
-    settings = [ConstraintSettings(constraint=name) for name in names]
-    with pytest.raises(ConfigError) as error:
-        build(settings, hoap3(), Kinematics(hoap3()), PERIOD, "squat.yaml")
-    del sys.modules["least_height"]  # for good: monkeypatch would bring it back
-    assert f"error: {error.value}\n" in text

@@ -8,10 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.constraint_bench import (
     PERIOD,
-    ROBOTS,
     Bench,
     StatedDrift,
-    differences,
     hoap3,
     posture,
     small,
@@ -24,18 +22,7 @@ from hoap3.remote_controller.constraints.frames.fixed_frame import AXES
 SEEDS = st.integers(0, 2**32 - 1)
 HEAD = {"constraint": "half_space", "frame": "head", "normal": [1.0, 2.0, -0.5]}
 HAND = {"constraint": "half_space", "frame": "hand", "normal": [0.3, -1.0, 2.0]}
-PLANES = {"hoap3": {**HEAD, "point_m": [0.1, 0.0, 0.05]}, "small": {**HAND, "point_m": [0, 0.1, 0]}}
 PINNED = {"constraint": "fixed_frame", "frame": "l_sole"}
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-@settings(max_examples=15)
-@given(seed=SEEDS)
-def test_a_half_space_row_is_the_derivative_of_its_margin(name, seed):
-    robot = ROBOTS[name]()
-    bench, q = Bench(robot, PLANES[name]), posture(robot, seed)
-    expected = differences(bench, q)
-    np.testing.assert_allclose(-bench.at(q).stack.A, expected, atol=1e-7)
 
 
 def test_a_half_space_margin_is_the_distance_from_the_plane_of_any_normal():
@@ -84,24 +71,6 @@ def test_a_start_on_the_plane_allows_every_motion_away_and_none_through():
     assert abs(bench.stack.margin()) < 1e-15
     assert abs(bench.stack.b[0]) < 1e-15
     assert bench.stack.events() == {}
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-@settings(max_examples=10)
-@given(seed=SEEDS)
-def test_still_rows_are_the_motion_of_the_frame(name, seed):
-    robot = ROBOTS[name]()
-    frame = {"hoap3": "l_forearm", "small": "hand"}[name]
-    bench = Bench(robot, {"constraint": "fixed_frame", "frame": frame, "eta_per_s": 1.0})
-    q, u = posture(robot, seed), np.random.default_rng(seed + 1).normal(size=robot.n)
-    bench.stack.reset()
-    bench.at(posture(robot, seed + 2))  # what is kept is any other pose
-    rates = bench.at(q).stack.C @ u
-    errors = []
-    for side in (1e-6, -1e-6):
-        bench.at(q + side * u)
-        errors.append(-bench.stack.c)
-    np.testing.assert_allclose((errors[0] - errors[1]) / 2e-6, rates, atol=1e-6)
 
 
 def test_a_pinned_foot_stays_while_the_rest_moves():
@@ -258,12 +227,9 @@ def test_a_constant_matrix_gives_the_rows():
             r"constraints\.0\.parameters\.frame: robot 'hoap3' has no such frame",
         ),
         ({**HEAD, "reference": "floor"}, r"constraints\.0\.parameters\.reference: .*no such frame"),
-        ({**PINNED, "axes": ["up"]}, r"axes\.0"),
-        ({**PINNED, "axes": []}, r"axes"),
         ({"constraint": "minimum_speed", "speed": 1.0}, r"not exactly one direction"),
         ({"constraint": "minimum_speed", "speed": 1.0, "frame": "head"}, r"direction: is missing"),
         ({"constraint": "minimum_speed", "speed": 1.0, "joints": {"r_knee": 0.0}}, r"joints: is 0"),
-        ({"constraint": "minimum_speed", "speed": 0.0, "joints": {"r_knee": 1.0}}, r"speed"),
         ({"constraint": "pfaffian"}, r"exactly one of matrix and function"),
         (
             {"constraint": "pfaffian", "matrix": [[1, 2]]},
@@ -274,7 +240,6 @@ def test_a_constant_matrix_gives_the_rows():
         ({"constraint": "pfaffian", "function": "nowhere:f"}, r"function: cannot be imported"),
         ({"constraint": "pfaffian", "function": "math:pi"}, r"function: cannot be called"),
         ({"constraint": "pfaffian", "function": "numpy:ones_like"}, r"gives shape \(21,\)"),
-        ({"constraint": "pfaffian", "function": "numpy:diag", "matrix": [[1]]}, r"exactly one"),
     ],
 )
 def test_wrong_settings_are_named(entry, words):

@@ -29,15 +29,6 @@ def test_random_speeds_cut_to_the_bounds_never_leave_the_range(name, seed, eta):
     assert bench.stack.events() == {}
 
 
-def test_bounds_are_those_of_equation_25():
-    bench = Bench(small(), {"constraint": "joint_position", "eta_per_s": 3.0})
-    bench.at(np.array([0.5, -1.0, 2.0]))
-    np.testing.assert_allclose(bench.stack.lower, [-7.5, -3.0, -12.0])
-    np.testing.assert_allclose(bench.stack.upper, [4.5, 9.0, 0.0])
-    assert bench.stack.margin() == 0.0
-    assert bench.stack.tightest() == "joint_position: wrist upper"
-
-
 def test_a_rate_that_oversteps_is_refused_with_the_largest_that_does_not():
     with pytest.raises(
         ConfigError, match=r"constraints\.0\.parameters\.eta_per_s.*At most 1/T = 1000"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.constraint_bench import PERIOD, ROBOTS, Bench, differences, hoap3, posture, small
+from support.constraint_bench import PERIOD, ROBOTS, Bench, hoap3, small
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.constraints.support.polygon import half_planes, hull, inset
@@ -14,16 +14,6 @@ from hoap3.remote_controller.constraints.support.polygon import half_planes, hul
 SEEDS = st.integers(0, 2**32 - 1)
 POLYGON = {"constraint": "support_polygon"}
 ZMP = {"constraint": "zmp", "margin_m": 0.0}
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-@settings(max_examples=15)
-@given(seed=SEEDS)
-def test_rows_are_the_derivative_of_their_margins(name, seed):
-    robot = ROBOTS[name]()
-    bench, q = Bench(robot, POLYGON), posture(robot, seed)
-    expected = differences(bench, q)
-    np.testing.assert_allclose(-bench.at(q).stack.A, expected, atol=1e-7)
 
 
 def test_margins_are_distances_from_the_edges_less_the_margin():

@@ -13,8 +13,9 @@ from hoap3.remote_controller.config import CONFIGS
 from hoap3.remote_controller.pairs import DEFAULT_CONFIG
 from hoap3.robot_emulator.robots import available, load
 from hoap3.tools.cli.app import run
-from hoap3.tools.cli.services.soak import soak
-from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings, simulate
+from hoap3.tools.cli.measurements import soak
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.simulate import Lockstep, simulate
 
 T = 1e-3
 NEAR_STOP = """
@@ -75,9 +76,9 @@ def test_it_reaches_a_target_past_a_stop_within_all_limits(near_stop):
 
 def test_a_joint_at_the_end_of_its_range_is_not_driven_past_it_by_rounding():
     """Of HOAP-3, whose waist starts at its stop at 0; encoders that count make it tremble."""
-    emulator = emulator_settings({"robot": "hoap3", "plant": {"encoder": "counts"}}, 0)
+    emulator = load_emulator_config({"robot": "hoap3", "plant": {"encoder": "counts"}}, seed=0)[0]
     log = NoRecorder()
-    lockstep = Lockstep(emulator, controller_settings(DEFAULT_CONFIG), log, log)
+    lockstep = Lockstep(emulator, load_controller_config(DEFAULT_CONFIG)[0], log, log)
     lockstep.run(1.0)
     assert lockstep.robot.summary()["interventions"] == 0
 

@@ -13,7 +13,7 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.base import STATUS, VelocityController
 from hoap3.remote_controller.controllers.certificate import FIELDS, checked_statuses, invalid_field
 from hoap3.remote_controller.outcome import Outcome
-from hoap3.tools.show.certificate_count import CertificateCount
+from hoap3.tools.analysis.certificates import CertificateCount
 
 NAN, INF = math.nan, math.inf
 BAD = [

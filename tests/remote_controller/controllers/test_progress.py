@@ -14,7 +14,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.show.verdicts import in_words, judge
+from hoap3.tools.analysis.verdicts import in_words, judge
 
 NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
 

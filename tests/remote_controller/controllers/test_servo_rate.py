@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.config import build
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.controllers.servo_rate import too_fast
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.show.verdicts import in_words, judge
-from hoap3.tools.simulate import controller_file, controller_settings
+from hoap3.tools.analysis.verdicts import in_words, judge
+from hoap3.tools.services.configs import load_controller_config
 
 NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
 
@@ -33,9 +33,9 @@ COM = {
 
 
 def law(name: str, robot: RobotDescription, **parameters: Any) -> Controller:
-    settings = controller_settings(name)
+    settings = load_controller_config(name)[0]
     changed = settings.model_copy(update={"parameters": {**settings.parameters, **parameters}})
-    return build(changed, robot, controller_file(name))
+    return build(changed, robot, load_controller_config(name)[1])
 
 
 def answered(controller: Controller, robot: RobotDescription, ticks: int = 3) -> Outcome:

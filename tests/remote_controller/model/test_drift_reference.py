@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 from test_model_reference import near, rotation
 
 from hoap3.remote_controller.model import drift_kernels, drift_reference
 
-SEEDS = [range(1000), pytest.param(range(1000, 6000), marks=pytest.mark.slow)]
-many = pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+SEEDS = seed_ranges(1000, 1800, 6000)
+many = pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 
 
 def placed(rng: np.random.Generator) -> np.ndarray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.model.frame_dynamics_kernels import frames_dynamics
 from hoap3.remote_controller.model.kinematics_kernels import com_in_frame, frame_in_frame
@@ -18,8 +19,8 @@ from hoap3.remote_controller.model.model_reference import (
 )
 from hoap3.remote_controller.model.model_reference import frame_motion
 
-SEEDS = [range(300), pytest.param(range(300, 5300), marks=pytest.mark.slow)]
-many = pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+SEEDS = seed_ranges(300, 1100, 5300)
+many = pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 
 
 def near(found: np.ndarray, expected: np.ndarray) -> None:

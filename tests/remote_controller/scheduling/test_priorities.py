@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.config.settings import parse
-from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 
 ABC = ("a", "b", "c")
 unit = st.floats(0.0, 1.0).filter(lambda share: share == 0.0 or share > 1e-30)
@@ -20,7 +19,7 @@ unit = st.floats(0.0, 1.0).filter(lambda share: share == 0.0 or share > 1e-30)
 
 def priorities(content=None, names=ABC):
     settings = parse(PrioritySettings, content or {}, "x.yaml", "priorities")
-    return Priorities.configured(names, settings)
+    return Priorities(names, settings)
 
 
 def fifteen(share):

@@ -7,8 +7,7 @@ import pytest
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UsageError, located
-from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 
 ABC = ("hand", "elbow", "posture")
 ROWS = [[0.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]
@@ -16,7 +15,7 @@ ROWS = [[0.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]
 
 def priorities(content, names=ABC):
     with located("x.yaml", "priorities"):
-        return Priorities.configured(names, parse(PrioritySettings, content, ""))
+        return Priorities(names, parse(PrioritySettings, content, ""))
 
 
 def at(*changes):
@@ -91,11 +90,6 @@ def test_a_wrong_config_is_one_named_error(content, key, value, problem):
     assert problem in str(caught.value)
     assert value in str(caught.value)
     assert caught.value.remedy
-
-
-def test_two_tasks_of_one_name_are_refused():
-    with pytest.raises(ConfigError, match=r"x\.yaml: priorities: two tasks .*'hand'.*Rename"):
-        priorities({}, ("hand", "elbow", "hand"))
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,13 @@ class NoUpdate(LyapunovFunction):
     """Forgets what it is for."""
 
 
+class Tuned(Sway):
+    """Reads changed numbers by the method of version 0.2."""
+
+    def tune(self, parameters):
+        self.parameters = parameters
+
+
 class NotATask:
     """Something else."""
 

@@ -7,7 +7,7 @@ from functools import cache
 from hypothesis import strategies as st
 from support.arm3 import describe
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.registry import TaskSettings, build

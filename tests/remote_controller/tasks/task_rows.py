@@ -8,8 +8,8 @@ import numpy as np
 from registered_tasks import velocity_tasks
 from task_cases import ARM, CASES, CIRCLE, FORCES, POINT, POSE, TOOL
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
 from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
 from hoap3.remote_controller.tasks.registry import find, registered
@@ -67,8 +67,8 @@ class Rows:
             "config",
             np.array(self.robot.effort),
             compensate_friction=False,
-            braking_per_s=10.0,
         )
+        self.tasks.brake(10.0)
         self._wrench = np.zeros(6 * len(robot.wrench_sensors))
         self._absent = np.zeros(len(given))
         self.begin()

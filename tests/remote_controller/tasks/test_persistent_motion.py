@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from task_cases import ARM, HOAP3, SEEDS, kinematics_of
+from task_cases import ARM, HOAP3, kinematics_of
 
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
-from hoap3.testing import posture
 
 DT = 1e-3
 ELLIPSE = {"joints": ["elbow", "wrist"], "radii_rad": [0.3, 0.2]}
@@ -64,81 +61,6 @@ def turns(x, center, first, second):
     return (angle[-1] - angle[0]) / (2.0 * np.pi)
 
 
-CURVES = {
-    "ellipse": (ARM, lambda: arm_curve(curve_parameters=ELLIPSE)),
-    "helix": (ARM, lambda: arm_curve("own_tasks:Helix")),
-    "eight": (ARM, lambda: arm_curve("own_tasks:Eight")),
-    "com": (HOAP3, com_ellipse),
-    "hand": (
-        HOAP3,
-        lambda: made(
-            HOAP3,
-            "task_curve",
-            point="r_forearm",
-            reference="l_sole",
-            curve_parameters={"center_m": [0.1, 0, 0.3], "radii_m": [0.1, 0.1], "plane": "zx"},
-            speed_m_s=0.1,
-        ),
-    ),
-    "all joints": (
-        HOAP3,
-        lambda: made(
-            HOAP3,
-            "joint_curve",
-            curve_parameters={"joints": ["r_elbow", "l_elbow"], "radii_rad": [0.2, 0.1]},
-            speed_rad_s=0.3,
-        ),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", CURVES)
-def test_the_tangent_is_a_unit_vector_orthogonal_to_every_gradient(name):
-    robot, make = CURVES[name]
-    motion = make()
-    for seed in range(20):
-        see(motion, robot, posture(robot, seed))
-        gradients, tangent = motion.curve.gradients, motion.tangent
-        if motion.status == status.DEPENDENT_GRADIENTS:
-            continue
-        np.testing.assert_allclose(np.linalg.norm(tangent), 1.0, rtol=1e-12)
-        np.testing.assert_allclose(gradients @ tangent, 0.0, atol=1e-12)
-        assert np.linalg.det(np.vstack([gradients, tangent])) > 0.0
-        np.testing.assert_allclose(motion.motion_row, tangent @ motion.x_jacobian, atol=1e-15)
-        normal = motion.curve.gradients.T @ motion.error  # ∇V in x, orthogonal to the tangent
-        np.testing.assert_allclose(normal @ tangent, 0.0, atol=1e-12)
-
-
-@settings(max_examples=60)
-@given(seed=SEEDS, decrease=st.floats(0.0, 3.0), weights=st.tuples(*[st.floats(0.1, 10.0)] * 2))
-def test_the_velocity_is_the_optimum_of_problem_23(seed, decrease, weights):
-    motion = arm_curve("own_tasks:Helix", objective_weights=weights)
-    see(motion, ARM, posture(ARM, seed))
-    u = np.full(3, np.nan)
-    assert motion.velocity(decrease, u)
-    rows, gradient = motion.objective_rows, motion.gradient
-    np.testing.assert_allclose(rows.T @ rows, motion.jacobian.T * weights @ motion.jacobian)
-    constraints = np.vstack([motion.motion_row, gradient])
-    kkt = np.block([[rows.T @ rows, constraints.T], [constraints, np.zeros((2, 2))]])
-    right = np.concatenate([np.zeros(3), [motion.speed, -decrease]])
-    expected = np.linalg.solve(kkt, right)[:3]
-    np.testing.assert_allclose(u, expected, rtol=1e-7, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["com", "hand"])
-def test_in_space_both_constraints_hold_and_u_is_the_shortest(name):
-    robot, make = CURVES[name]
-    motion, u = make(), np.zeros(robot.n)
-    for seed in range(10):
-        see(motion, robot, posture(robot, seed))
-        decrease = 2.0 * motion.value
-        assert motion.velocity(decrease, u)
-        np.testing.assert_allclose(motion.motion_row @ u, motion.speed, rtol=1e-9)
-        np.testing.assert_allclose(motion.gradient @ u, -decrease, rtol=1e-9)
-        shortest = np.linalg.pinv(motion.x_jacobian) @ (motion.x_jacobian @ u)
-        np.testing.assert_allclose(u, shortest, atol=1e-9 * np.max(np.abs(u)))
-
-
 @pytest.mark.parametrize("direction", ["forward", "backward"])
 def test_joints_circulate_a_circle_both_ways(direction):
     start = np.array([0.4, 1.3, -0.2])  # off the circle, and the shoulder off its place
@@ -169,14 +91,6 @@ def test_the_centre_of_mass_circulates_both_ways(direction):
     rounds = turns(x[1000:], np.array([0.0, 0.03, 0.27]), 0, 1)
     assert abs(rounds) == pytest.approx(1.5 * 0.05 / 0.0793, rel=0.05)  # perimeter 0.0793 m
     assert (rounds > 0.0) == (direction == "forward")
-
-
-def test_without_a_decrease_eulers_steps_drift_outwards():
-    x, *_ = circulate(arm_curve(curve_parameters=CIRCLE), ARM, 4000, gain=0.0)
-    center = np.array(ARM.initial_position) - [0.0, 0.3, 0.0]
-    radius = np.linalg.norm(x - center, axis=1)
-    assert np.all(np.diff(radius) > 0.0)
-    assert radius[-1] - radius[0] == pytest.approx(3.999 * 0.5**2 * DT / (2 * 0.3), rel=1e-2)
 
 
 def test_the_sign_is_continuous_when_the_basis_flips():

@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.tasks import se3_kernels, se3_reference
 
-SEEDS = [range(150), pytest.param(range(150, 5650), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(150, 1050, 5650)
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_error_jacobian_and_rate_are_those_of_the_matrix_logarithm(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)

@@ -9,15 +9,13 @@ import pytest
 from task_cases import ARM
 from task_rows import ROWS
 
-from docs.tables.tasks_table import (
+from benchmarks.tables.tasks_table import (
     OWN_ERROR,
     OWN_V,
-    PAGE,
     level,
     of_tasks,
     serves,
     takes,
-    written,
 )
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import State
@@ -57,11 +55,6 @@ def answers(controller, ticks=3):
         if tick == 0:
             controller.reset(state, None)
         yield controller.step(state)
-
-
-def test_the_table_of_the_page_is_up_to_date():
-    text = PAGE.read_text(encoding="utf-8")
-    assert written(text) == text, "run `python -m docs.tables.tasks_table`"
 
 
 def test_every_task_is_tried():

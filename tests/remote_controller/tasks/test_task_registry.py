@@ -111,6 +111,7 @@ def test_a_sum_takes_a_users_own_v():
 WRONG = [
     ("own_tasks:NotATask", {}, "v.task: is not a task class"),
     ("own_tasks:NoUpdate", {}, "v.task: lacks the method update"),
+    ("own_tasks:Tuned", {}, "v.task: has the method tune, which was renamed apply"),
     ("own_tasks:Nothing", {}, "v.task: cannot be imported: AttributeError"),
     ("com", {"target": POINT, "fraem": "base"}, "v.parameters.fraem: unknown key"),
     ("com", {"target": POINT, "frame": "r_sole"}, "v.parameters.frame: robot 'arm3' has no such"),

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import NO_BOUND
 from hoap3.remote_controller.controllers.acceleration.problem import Problem
 from hoap3.remote_controller.controllers.acceleration.soles.outlines import (
@@ -22,7 +22,7 @@ from hoap3.remote_controller.controllers.base import ACTIVE_SPEED
 from hoap3.remote_controller.model.free_dynamics import BASE
 from hoap3.remote_controller.solvers.contact.reduction import ContactReduction
 from hoap3.remote_controller.solvers.contact.wrench_cone import wrench_units
-from hoap3.remote_controller.solvers.qp.qp_backends import SOFT, Program, daqp
+from hoap3.remote_controller.solvers.qp.dense_qp import SOFT, Program, daqp
 from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
 
 QUATERNION, OF_LENGTH_1 = slice(3, 7), 1e-3  # in State.base; of its square
@@ -103,14 +103,8 @@ class FreeBase:
             np.full(rows, -np.inf),
             np.zeros(rows),
         )
-        self._soft = Program(
-            np.eye(n),
-            np.zeros(n),
-            np.zeros((rows, n)),
-            np.full(n + rows, -NO_BOUND),
-            np.full(n + rows, NO_BOUND),
-            np.concatenate([np.zeros(n), np.full(rows, SOFT)]).astype(np.int32),
-        )
+        self._soft = Program.unbounded(n, rows)
+        self._soft.sense[n:] = SOFT
         self._soften = daqp(self._soft, soft=True)
         self._scale = np.ones(rows)
         self._scale[self._accelerations], self._scale[self._torques] = greatest, torque_max

@@ -7,8 +7,8 @@ from typing import Any
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.robot.description import RobotDescription
 
 WRENCH = 6  # numbers of State.contact for each sole
 

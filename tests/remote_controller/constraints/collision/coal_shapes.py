@@ -8,9 +8,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.pinocchio_model import collision_shapes
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.protocol.robot.pinocchio_model import build_model, one_coordinate_each
 
 FINE = coal.DistanceRequest()
 FINE.gjk_tolerance = 1e-9
@@ -20,7 +20,14 @@ Shape = tuple[Any, FloatArray, FloatArray]  # and its centre and axes in its fra
 
 def of_links(robot: RobotDescription) -> dict[str, list[Shape]]:
     """The <collision> shapes of each link as Pinocchio reads them, in the axes of the link."""
-    return collision_shapes(robot)
+    model, found = build_model(robot).model, {}
+    shapes = pin.buildGeomFromUrdfString(model, one_coordinate_each(robot), pin.COLLISION)
+    for shape in shapes.geometryObjects:
+        frame = model.frames[shape.parentFrame]
+        here = frame.placement.actInv(shape.placement)
+        placed = (shape.geometry, here.translation.copy(), here.rotation.copy())
+        found.setdefault(frame.name, []).append(placed)
+    return found
 
 
 def of_obstacle(given: dict[str, Any]) -> Shape:

@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.constraints.collision import distance_curvature_kernels as curved
 from hoap3.remote_controller.constraints.collision import distance_kernels as kernels
 from hoap3.remote_controller.constraints.collision import distance_reference as plain
 
 APART = 1e-3
-SEEDS = [range(120), pytest.param(range(120, 720), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(120, 220, 720)
 PAIRS = 10  # of each seed
 
 
@@ -97,7 +98,7 @@ def measured(it: Scene, given: np.ndarray) -> tuple[np.ndarray, ...]:
     return margins, A, b, contacts, told
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_margins_and_rows_are_those_of_the_nearest_points(seeds):
     known = crossing = 0
     for seed in seeds:
@@ -140,7 +141,7 @@ def test_margins_and_rows_are_those_of_the_nearest_points(seeds):
     assert crossing > 0.01 * PAIRS * len(seeds)
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_far_margins_are_never_too_large_and_the_least_is_exact(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
@@ -158,7 +159,7 @@ def test_far_margins_are_never_too_large_and_the_least_is_exact(seeds):
             near(margins.min(), exact.min())
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_accelerations_are_those_of_the_margins_and_of_the_points_that_face(seeds):
     measured_ones = facing = 0
     for seed in seeds:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hoap3.protocol.runtime.numba_jit import kernel
@@ -57,21 +56,6 @@ def test_ends_of_a_level_are_finite_and_enclose_what_is_below_it(seed, spread):
     for end in (first, second):
         out = np.maximum(np.abs(a0 + end * d) - half, 0.0)
         assert out @ out <= level + 1e-9
-
-
-@example(seed=0)
-@settings(max_examples=300)
-@given(seed=SEEDS)
-def test_the_nearest_point_is_nearest_and_inside_at_least_half_as_deep_as_the_deepest(seed):
-    a0, d, half = case(seed)
-    s, _, _, least, distance = probe(a0, d, half, 1.0)
-    _, squares, depths = sampled(a0, d, half)
-    assert 0.0 <= s <= 1.0
-    assert least <= squares.min() + 1e-15
-    if distance > 0.0:
-        assert distance == pytest.approx(np.sqrt(least))
-    else:
-        assert depths.max() / 2 - 1e-12 <= -distance <= depths.max() + 1e-3
 
 
 def test_an_end_that_is_the_nearest_point_is_the_end_of_every_level():

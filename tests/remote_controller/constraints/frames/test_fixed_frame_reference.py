@@ -8,14 +8,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.constraints.frames import fixed_frame_reference as plain
 from hoap3.remote_controller.constraints.frames.fixed_frame_kernels import kept_rows
 
-SEEDS = [range(1000), pytest.param(range(1000, 6000), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(1000, 1800, 6000)
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_rows_are_the_slope_of_the_displacement(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.constraints import limit_kernels as kernels
 from hoap3.remote_controller.constraints import limit_reference as plain
 
-SEEDS = [range(1000), pytest.param(range(1000, 6000), marks=pytest.mark.slow)]
-many = pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+SEEDS = seed_ranges(1000, 1800, 6000)
+many = pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 
 
 def near(found: np.ndarray, expected: np.ndarray) -> None:

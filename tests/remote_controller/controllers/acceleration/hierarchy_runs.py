@@ -7,19 +7,18 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
-from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import emulator_content
+from hoap3.tools.services.configs import load_emulator_config
 
 PLACES = {"lwr": "lwr_weightless", "humanoid32": "humanoid32_torque"}  # emulator configs
 
 
 def robot(name: str = "lwr_weightless", **changes: Any) -> RobotDescription:
     """A robot as its shipped emulator config has it."""
-    return describe(parse(EmulatorConfig, *emulator_content(name))).model_copy(update=changes)
+    return describe(*load_emulator_config(name)).model_copy(update=changes)
 
 
 def content(name: str, **parameters: Any) -> dict[str, Any]:

@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import nnls
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.model.frame_dynamics import FrameRows
 from hoap3.remote_controller.model.free_dynamics import BASE, FreeDynamics

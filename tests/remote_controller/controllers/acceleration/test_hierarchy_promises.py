@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
+from support.solvers.one_shot import ghc
 
 from hoap3.remote_controller.controllers.acceleration.problem import CONDITIONS
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.solvers import ghc
 
 FREE = {"kind": "none", "torque_max": [1e4]}
 STILL = np.zeros(7)

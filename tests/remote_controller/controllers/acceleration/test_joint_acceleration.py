@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import COMMANDS, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.acceleration.joint_acceleration import (
     JointAccelerationController,

@@ -11,14 +11,9 @@ from hoap3.protocol.messages import COMMANDS, State
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
-from hoap3.tools.simulate import (
-    Lockstep,
-    Simulation,
-    controller_settings,
-    emulator_settings,
-    simulate,
-)
+from hoap3.remote_controller.model.frame_dynamics import FramesDynamics
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.simulate import Lockstep, Simulation, simulate
 
 E1 = 3  # the elbow
 T = 1e-3
@@ -84,7 +79,7 @@ def test_an_arm_that_cannot_hold_its_load_is_told_of_and_not_certified():
 
 
 def test_the_robot_has_nothing_to_hold_back():
-    sides = emulator_settings("baxter", 0), controller_settings("tsid_baxter")
+    sides = load_emulator_config("baxter", seed=0)[0], load_controller_config("tsid_baxter")[0]
     lockstep = Lockstep(*sides, MemoryRecorder(), MemoryRecorder())
     lockstep.run(2.0)
     setpoint_filter = lockstep.robot._setpoint_filter
@@ -217,7 +212,7 @@ def test_a_joint_that_starts_outside_its_bounds_may_stay_and_not_go_on():
 def test_a_goal_is_a_pose_or_where_a_posture_has_the_frame():
     robot = baxter()
     values = robot.postures["fig5_goal"]
-    there = FrameDynamics(robot, "left_gripper").placement(np.array(values), "left_gripper")
+    there = FramesDynamics(robot, [], 0).placement(np.array(values), "left_gripper")
     angle = np.arccos((np.trace(there[1]) - 1.0) / 2.0)
     axis = np.array([there[1][2, 1], there[1][0, 2], there[1][1, 0]]) - np.array(
         [there[1][1, 2], there[1][2, 0], there[1][0, 1]]

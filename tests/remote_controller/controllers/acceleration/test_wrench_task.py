@@ -133,41 +133,6 @@ def test_it_asks_for_what_the_formula_says(count):
         compare_with_reference(rng)
 
 
-def formerly(
-    normal: np.ndarray, M: np.ndarray, task: TaskMotion, pressing: float, force: float, kd: float
-) -> np.ndarray:
-    """What one force along a normal asked for before there were several directions."""
-    row = np.linalg.solve(np.linalg.cholesky(M), normal @ task.jacobian)
-    acceleration = (row @ row) * (force - pressing) - kd * float(normal @ task.motion)
-    return task.wanted + normal * (acceleration - normal @ (task.wanted + task.drift))
-
-
-@pytest.mark.parametrize("count", SMALL_AND_LARGE)
-def test_one_force_along_a_normal_is_what_it_was(count):
-    rng = np.random.default_rng(4)
-    for _ in range(count):
-        n, normal, force_n = int(rng.integers(1, 9)), rng.normal(size=3), 20.0 * rng.random() + 0.1
-        kp, ki, kd = rng.random(3) * [2.0, 50.0, 5.0]
-        gains = {"force_kp": kp, "force_ki_per_s": ki, "force_kd": kd}
-        simple = control(n, normal=list(normal), force_n=force_n, **gains)
-        general = control(n, normal=list(normal), axes=["z"], wrench=[force_n], **gains)
-        unit, integral = normal / np.linalg.norm(normal), 0.0
-        for _ in range(3):
-            M, feels, task = inertia(rng, n), sensed(rng), moving(rng, 3, n)
-            force = float(unit @ (feels.rotation @ feels.wrench[:3]))
-            if force >= 0.5:
-                grown = integral + ki * T * (force_n - force)
-                integral = min(max(grown, -force_n), force_n)
-            pressing = force_n + kp * (force_n - force) + integral
-            wanted = formerly(unit, M, task, pressing, force, kd)
-            for each in (simple, general):
-                copy = TaskMotion(*(array.copy() for array in task))
-                each.feel(feels, 0.0)
-                each.update(M, copy)
-                close(each.measured, np.array([force]))
-                close(copy.wanted, wanted, 1e-10)
-
-
 def test_a_torque_is_taken_to_the_origin_of_the_tasks_frame():
     """5 N along z, felt 0.2 m beside it along x: −1 N m about y, and what the sensor feels."""
     each = control(axes=["z", "rx", "ry"], wrench=[5.0, 0.0, 0.0])

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
 from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
 from hoap3.robot_emulator.robots import load

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.robot_emulator.robots import load

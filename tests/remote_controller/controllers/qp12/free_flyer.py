@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 BASE = np.array([0.3, -0.7, 1.1, *(np.array([0.1, 0.5, -0.3, 0.8]) / np.sqrt(0.99))])
 

@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.config import build, check_parameters
+from hoap3.remote_controller.config import build
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import controller_settings, emulator_settings
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 
 TARGET = [-0.5, -0.15, 0.35]
 LAWS = ("qp12", "pinv", "osqp")
 
 
 def settings(law: str, **parameters: object):
-    return controller_settings({"controller": law, "robot": "ur5", "parameters": parameters})
+    return load_controller_config({"controller": law, "robot": "ur5", "parameters": parameters})[0]
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_old_key_names_the_new_one(law):
     with pytest.raises(ConfigError) as caught:
-        check_parameters(settings(law, frame="tool0", target_m=TARGET), "mine.yaml")
-    assert (caught.value.file, caught.value.key) == ("mine.yaml", "parameters.frame")
+        settings(law, frame="tool0", target_m=TARGET)
+    assert caught.value.key == "parameters.frame"
     assert "reference_frame" in caught.value.remedy
     assert "point" in caught.value.remedy
 
@@ -32,14 +32,14 @@ def test_the_old_key_names_the_new_one(law):
 @pytest.mark.parametrize("more", [{"target_m": TARGET}, {}, {"point": None}])
 def test_a_frame_of_observation_without_a_point_is_refused(law, more):
     with pytest.raises(ConfigError, match="without a point") as caught:
-        check_parameters(settings(law, reference_frame="tool0", **more), "mine.yaml")
+        settings(law, reference_frame="tool0", **more)
     assert caught.value.key == "parameters.reference_frame"
     assert "point: com" in caught.value.remedy
 
 
 @pytest.mark.parametrize("more", [{"reference_frame": "tool0", "target_m": TARGET}, {}])
 def test_a_point_seen_from_itself_is_refused(more):
-    robot = describe(emulator_settings("ur5", 0))
+    robot = describe(load_emulator_config("ur5", seed=0)[0])
     point = "tool0" if more else robot.default_task.reference
     with pytest.raises(ConfigError, match="never moves") as caught:
         build(settings("qp12", point=point, **more), robot)
@@ -47,7 +47,7 @@ def test_a_point_seen_from_itself_is_refused(more):
 
 
 def test_the_point_moves_and_is_seen_from_the_reference_frame():
-    robot = describe(emulator_settings("ur5", 0))
+    robot = describe(load_emulator_config("ur5", seed=0)[0])
     given = {"point": "wrist_1_link", "reference_frame": "shoulder_link", "target_m": TARGET}
     task = build(settings("qp12", **given), robot).task
     kinematics, at = Kinematics(robot), np.zeros(3)

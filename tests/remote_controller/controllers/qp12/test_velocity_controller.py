@@ -8,9 +8,9 @@ from com_runs import HOAP3, controller_for
 from free_flyer import FreeFlyer
 from support.small_arm import arm, one_joint_arm
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import STATUS, VelocityController
 from hoap3.robot_emulator.filters.position import PositionFilter
 

@@ -178,8 +178,8 @@ def test_the_solvers_have_what_the_config_says():
     settings = {"beta_per_s": 6.0, "delta": 1e-3, "damping": 0.2, "budget": 30}
     controller, body = controller_of("clik_sdp", *two(), weights=(2.0, 0.3), **settings)
     controller.step(body.state)
-    weights = {"weights": [2.0, 0.3], "damping": 0.2}
-    alone = SdpGains([1, 1], UR5.n, budget=30, **weights)
+    alone = SdpGains([1, 1], UR5.n, budget=30)
+    alone.weights[:], alone.damping = (2.0, 0.3), 0.2
     alone.lower[:], alone.upper[:] = controller.lower, controller.upper
     alone.solve(controller.jacobian, controller.errors, T, 6.0, 1e-3)
     assert (controller.solver.gains == alone.gains).all()
@@ -187,7 +187,8 @@ def test_the_solvers_have_what_the_config_says():
     assert column(controller, "beta") == alone.beta > 0.0
     steady, body = controller_of("clik", *two(), weights=(2.0, 0.3), damping=0.2)
     steady.step(body.state)
-    alone = ConstantGains([1, 1], UR5.n, [1.0, 1.0], **weights)
+    alone = ConstantGains([1, 1], UR5.n, [1.0, 1.0])
+    alone.weights[:], alone.damping = (2.0, 0.3), 0.2
     alone.solve(steady.jacobian, steady.errors, T)
     assert column(steady, "beta") == alone.beta > 0.0
     assert (steady.u == alone.dq).all()

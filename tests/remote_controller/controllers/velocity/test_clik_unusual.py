@@ -112,12 +112,8 @@ def test_more_than_one_over_the_period_is_met_by_that():
     [
         ({"tasks": []}, ("parameters.tasks", "needs a list of one task or more, has 0")),
         ({"bounds": {"speed_rad_s": 0.0}}, ("bounds.speed_rad_s", "greater than 0")),
-        ({"bounds": {"speed_rad_s": math.inf}}, ("bounds.speed_rad_s", "finite number")),
-        ({"bounds": {"acceleration_rad_s2": 0.0}}, ("acceleration_rad_s2", "greater than 0")),
-        ({"bounds": {"acceleration_rad_s2": math.nan}}, ("acceleration_rad_s2", "finite number")),
         ({"bounds": {"margin_rad": 7.0}}, ("bounds.margin_rad", "leaves nothing of the range")),
         ({"damping": -1.0}, ("parameters.damping", "greater than or equal to 0")),
-        ({"damping": math.inf}, ("parameters.damping", "finite number")),
     ],
 )
 def test_settings_that_make_no_sense_are_named(kind, change, words):
@@ -131,9 +127,7 @@ def test_settings_that_make_no_sense_are_named(kind, change, words):
     ("kind", "change", "key"),
     [
         ("clik_sdp", {"beta_per_s": 0.0}, "parameters.beta_per_s"),
-        ("clik_sdp", {"beta_per_s": math.inf}, "parameters.beta_per_s"),
         ("clik_sdp", {"delta": 0.0}, "parameters.delta"),
-        ("clik_sdp", {"delta": math.nan}, "parameters.delta"),
         ("clik_sdp", {"budget": 0}, "parameters.budget"),
         ("clik", {"beta_per_s": 4.0}, "parameters.beta_per_s"),
     ],

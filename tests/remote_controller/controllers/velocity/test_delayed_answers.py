@@ -11,7 +11,8 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import controller_settings, simulate
+from hoap3.tools.services.configs import load_controller_config
+from hoap3.tools.simulate import simulate
 
 DELAYS = [1, 3, 100]
 SHORT = [1, 3]
@@ -101,7 +102,7 @@ def test_what_is_foreseen_is_what_a_robot_with_these_limits_does(d, lost):
 @pytest.mark.parametrize("d", [0, 3])
 def test_a_replay_is_the_same(d):
     found = run(d, lost=LOST)
-    assert replay_records(found.records, controller_settings("qp12")).identical
+    assert replay_records(found.records, load_controller_config("qp12")[0]).identical
 
 
 def test_what_reckons_without_a_delay_is_refused():

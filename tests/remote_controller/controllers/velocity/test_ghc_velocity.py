@@ -366,11 +366,7 @@ def test_what_is_wrong_for_any_robot_is_refused_without_one(changes, key, word):
             {},
             "parameters.tasks.0.parameters.frame",
         ),
-        (
-            [COM, {"task": "ranked_scalar:Tilted"}],
-            {},
-            "parameters.tasks.1.task",
-        ),
+        ([COM, {"task": "ranked_scalar:Tilted"}], {}, "parameters.tasks.1.task"),
     ],
 )
 def test_what_does_not_fit_the_robot_is_refused_by_its_key(tasks, changes, key):

@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from ranked_runs import COM, FOOT, FREE, HOAP3, POSTURE, answer, controller, motion
+from support.solvers.one_shot import ghc
 
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.ghc_velocity import CONDITIONS
-from hoap3.remote_controller.solvers import ghc
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.3])

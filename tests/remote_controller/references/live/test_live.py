@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import BPoly, CubicSpline
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.references.live.live import Live, check_names, collected
-from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk
-from hoap3.remote_controller.references.live.live_space import Space
+from hoap3.remote_controller.references.live.live_plan import Bounds
 
 T = 1e-3
-SPACE = Space(3)
 BOUNDS = Bounds(0.25, 1.0, 20.0)
 NO_RATES = np.zeros((0, 3))
 HOME = np.array([0.3, -0.1, 0.5])
@@ -56,40 +53,6 @@ def worst(path: np.ndarray) -> np.ndarray:
 def chunk(first: int, step: int, count: int) -> tuple:
     """Arguments of `take` but now: points of the figure of eight."""
     return first * T, step * T, eight((first + step * np.arange(count)) * T), NO_RATES
-
-
-@given(
-    points=st.lists(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), min_size=4, max_size=9),
-    step=st.floats(0.01, 1.0),
-)
-def test_a_chunk_is_the_natural_cubic_spline_through_its_points(points, step):
-    points = np.array(points)
-    times = 2.0 + step * np.arange(len(points))
-    spline = CubicSpline(times, points, bc_type="natural")
-    curve, found = Chunk(2.0, step, points, NO_RATES, SPACE), np.zeros((3, 3))
-    for time_s in np.linspace(times[0], times[-1], 37):
-        curve.look(time_s, found)
-        for order in range(3):
-            np.testing.assert_allclose(
-                found[order], spline(time_s, order), rtol=1e-9, atol=1e-9 * step**-order
-            )
-
-
-@given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 8), step=st.floats(0.01, 1.0))
-def test_a_chunk_with_rates_has_its_points_and_rates_and_differences_of_these(seed, count, step):
-    rng = np.random.default_rng(seed)
-    points, rates = rng.normal(size=(2, count, 3))
-    times = step * np.arange(count)
-    bends = np.gradient(rates, step, axis=0)
-    curve = BPoly.from_derivatives(times, np.stack([points, rates, bends], 1))
-    found = np.zeros((3, 3))
-    made = Chunk(0.0, step, points, rates, SPACE)
-    for time_s in np.linspace(0.0, times[-1], 23):
-        made.look(time_s, found)
-        for order in range(3):
-            expected = curve(time_s, order)
-            scale = step**-order * max(1.0, step * np.abs(rates).max())
-            np.testing.assert_allclose(found[order], expected, rtol=1e-8, atol=1e-8 * scale)
 
 
 @settings(max_examples=25)

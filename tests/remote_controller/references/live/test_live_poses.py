@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from hoap3.remote_controller.references.live.live import Live, Turning
-from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk
-from hoap3.remote_controller.references.live.live_space import Space
+from hoap3.remote_controller.references.live.live_plan import Bounds
 
 T = 1e-3
 BOUNDS, TURNS = Bounds(0.25, 1.0, 20.0), Bounds(0.5, 2.0, 40.0)
@@ -135,47 +133,6 @@ def test_a_pose_goes_and_turns_at_the_same_time():
         found = (places[tick + 1] - places[tick - 1]) / (2.0 * T)
         np.testing.assert_allclose(found, speed[:3], atol=BOUNDS.jerk * T * T)
     assert shares[-1] == pytest.approx(1.0, abs=1e-12)
-
-
-@given(seed=st.integers(0, 2**32 - 1), step=st.floats(0.01, 1.0))
-def test_a_chunk_is_the_spline_of_its_quaternions_divided_by_its_length(seed, step):
-    rng = np.random.default_rng(seed)
-    count = int(rng.integers(2, 9))
-    turns = Rotation.from_rotvec(np.cumsum(rng.normal(scale=0.3, size=(count, 3)), axis=0))
-    flips = rng.choice([-1.0, 1.0], count)[:, None]
-    points = flips * turns.as_quat()
-    curve, out = Chunk(0.0, step, points, NO_RATES[:, :3], Space(0, turns=True)), np.zeros((3, 4))
-    aligned = [points[0]]
-    for point in points[1:]:
-        aligned.append(math.copysign(1.0, point @ aligned[-1]) * point)
-    if count == 2:
-        aligned.insert(1, 0.5 * (aligned[0] + aligned[1]))
-    spline = CubicSpline(
-        np.linspace(0.0, step * (count - 1), len(aligned)), np.array(aligned), bc_type="natural"
-    )
-    for time_s in np.linspace(0.0, step * (count - 1), 17):
-        curve.look(time_s, out)
-        found, expected = Rotation.from_quat(out[0]), Rotation.from_quat(spline(time_s))
-        assert (found * expected.inv()).magnitude() < 1e-9
-    at_points = [i * step for i in range(count)]
-    for time_s, turn in zip(at_points, turns, strict=True):
-        curve.look(time_s, out)
-        assert (Rotation.from_quat(out[0]) * turn.inv()).magnitude() < 1e-9
-
-
-def test_rates_are_velocities_and_angular_velocities():
-    times = 0.1 * np.arange(11)
-    places = HOME[:3] + np.outer(times, [0.05, 0.0, -0.02])
-    turns = Rotation.from_rotvec(np.outer(times, SPIN)) * TURN
-    rates = np.tile([0.05, 0.0, -0.02, *SPIN], (11, 1))
-    target = live()
-    assert target.take(0.0, 0.1, pose(turns, places), rates, 0.001) == 1
-    seen, found, omega = motion(target, range(500, 900))
-    now = np.arange(500, 900) * T
-    expected = Rotation.from_rotvec(np.outer(now, SPIN)) * TURN
-    assert (found * expected.inv()).magnitude().max() < 1e-6
-    np.testing.assert_allclose(omega, np.tile(SPIN, (400, 1)), atol=1e-5)
-    np.testing.assert_allclose(seen, HOME[:3] + np.outer(now, [0.05, 0.0, -0.02]), atol=1e-9)
 
 
 def test_late_chunks_of_poses_lead_to_the_curve_without_lag_and_without_a_jump():

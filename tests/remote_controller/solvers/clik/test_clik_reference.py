@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from clik_problems import Stack, stack
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik import clik_kernels, lmi_kernels
@@ -24,10 +25,7 @@ from hoap3.remote_controller.solvers.clik.constant_gains_reference import (
     feed_forward,
 )
 
-SEEDS = [
-    range(500),
-    pytest.param(range(500, 6000), marks=pytest.mark.slow),
-]
+SEEDS = seed_ranges(500, 1400, 6000)
 
 
 def close(found: np.ndarray, expected: np.ndarray, size: float, it: Stack) -> None:
@@ -35,7 +33,7 @@ def close(found: np.ndarray, expected: np.ndarray, size: float, it: Stack) -> No
     np.testing.assert_allclose(found, expected, rtol=0, atol=within)
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_the_law_is_the_paper_s(seeds):
     for seed in seeds:
         it = stack(seed)
@@ -52,7 +50,7 @@ def test_the_law_is_the_paper_s(seeds):
         assert rank == np.linalg.matrix_rank(it.J, tol=1e-9 * np.abs(it.J).max())
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_the_certificate_is_the_schur_complement_and_its_eigenvalue(seeds):
     for seed in seeds:
         it = stack(seed)
@@ -66,13 +64,12 @@ def test_the_certificate_is_the_schur_complement_and_its_eigenvalue(seeds):
         assert least == pytest.approx(np.linalg.eigvalsh(expected)[0], abs=1e-10 * largest)
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_speeds_gains_and_beta_are_the_law_s(seeds):
     for seed in seeds:
         it = stack(seed)
-        solver = ConstantGains(
-            it.sizes, it.J.shape[1], it.wanted, weights=it.weights, damping=it.damping
-        )
+        solver = ConstantGains(it.sizes, it.J.shape[1], it.wanted)
+        solver.weights[:], solver.damping = it.weights, it.damping
         solver.lower[:], solver.upper[:], solver.rates[:] = it.lower, it.upper, it.rates
         assert solver.solve(it.J, it.errors, it.dt) == status.OK
         B, L = prioritised(it.sizes, it.J, it.weights, it.damping)

@@ -1,13 +1,10 @@
-"""Random hierarchies of tasks, and (13) as it is printed, solved by quadprog."""
+"""Random hierarchies of tasks with bounds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import quadprog
-
-from hoap3.remote_controller.solvers import generalized_projector
 
 LEAST = -np.inf
 
@@ -63,51 +60,3 @@ def hierarchy(seed: int, n: int | None = None, k: int | None = None) -> Hierarch
         str(rng.choice(["none", "torque", "gravity_compensated"])),
         (-sizes[:n], sizes[n : 2 * n], -sizes[2 * n : 3 * n], sizes[3 * n :]),
     )
-
-
-def plain(it: Hierarchy) -> tuple[np.ndarray, np.ndarray] | None:
-    """(13) with all x_i as unknowns, by quadprog; None where it calls it inconsistent.
-
-    The torque is written as M q̈ + n, so that "none" leaves no unknown without a weight.
-    """
-    n, k = len(it.bias), len(it.jacobians)
-    sizes, stack = [len(J) for J in it.jacobians], np.vstack(it.jacobians)
-    P = np.hstack([generalized_projector(np.repeat(row, sizes), stack) for row in it.alpha])
-    H, f = it.w_r * np.eye(k * n), np.zeros(k * n)
-    for i, (J, b) in enumerate(zip(it.jacobians, it.targets, strict=True)):
-        own = slice(i * n, i * n + n)
-        H[own, own] += J.T @ J
-        f[own] = J.T @ b
-    torque = it.M @ P
-    if it.regularise != "none":
-        H += it.w_r * torque.T @ torque
-        f -= it.w_r * torque.T @ (it.bias * (it.regularise == "torque"))
-    rows = np.vstack([P, -P, torque, -torque])
-    ql, qu, tl, tu = it.bounds
-    least = np.concatenate([ql, -qu, tl - it.bias, it.bias - tu])
-    given = np.isfinite(least)
-    try:
-        some = (rows[given].T, least[given]) if given.any() else ()
-        x = quadprog.solve_qp(H, f, *some)[0]
-    except ValueError:
-        return None
-    return P @ x, torque @ x + it.bias
-
-
-def violation(it: Hierarchy) -> float:
-    """Least largest violation of the bounds by any q̈ that the projectors span, by a program of its
-    own: min s²/2 + ε|x|²/2 with s slackening every bound; above rounding: infeasible.
-    """
-    n, k = len(it.bias), len(it.jacobians)
-    sizes, stack = [len(J) for J in it.jacobians], np.vstack(it.jacobians)
-    P = np.hstack([generalized_projector(np.repeat(row, sizes), stack) for row in it.alpha])
-    ql, qu, tl, tu = it.bounds
-    rows = np.vstack([P, -P, it.M @ P, -it.M @ P])
-    least = np.concatenate([ql, -qu, tl - it.bias, it.bias - tu])
-    given = np.isfinite(least)
-    if not given.any():
-        return 0.0
-    slack = np.column_stack([rows[given], np.ones(given.sum())])
-    H = np.diag([*np.full(k * n, 1e-9), 1.0])
-    x = quadprog.solve_qp(H, np.zeros(k * n + 1), slack.T, least[given])[0]
-    return max(float(x[-1]), 0.0)

@@ -1,4 +1,4 @@
-"""Random hierarchies with rows of accelerations beside the bounds, (13c), solved by quadprog."""
+"""Random hierarchies with rows of accelerations, (13c); with and without them by quadprog."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import quadprog
 from hierarchy_problems import Hierarchy, hierarchy
-
-from hoap3.remote_controller.solvers import generalized_projector
+from support.solvers.one_shot import generalized_projector
 
 
 @dataclass
@@ -72,8 +71,9 @@ def spanned(it: Hierarchy) -> np.ndarray:
     return np.hstack([generalized_projector(np.repeat(row, sizes), stack) for row in it.alpha])
 
 
-def limits(it: Hierarchy, rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def limits(it: Hierarchy, rows: Rows | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """G, h with G q̈ ≥ h, unit rows, and how many at the beginning are equations."""
+    rows = rows or Rows(np.zeros((0, it.bias.size)), np.zeros(0), np.zeros(0))
     ql, qu, tl, tu = it.bounds
     unit, least = rows.R / rows.lengths[:, None], rows.lower / rows.lengths
     most, one = rows.upper / rows.lengths, np.eye(it.bias.size)
@@ -85,8 +85,11 @@ def limits(it: Hierarchy, rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return G[given], h[given], int(equal.sum())
 
 
-def plain(it: Hierarchy, rows: Rows) -> np.ndarray | None:
-    """q̈ of (13) with all x_i as unknowns, by quadprog; None where it calls it inconsistent."""
+def plain(it: Hierarchy, rows: Rows | None = None) -> np.ndarray | None:
+    """q̈ of (13) with all x_i as unknowns, by quadprog; None where it calls it inconsistent.
+
+    The torque is written as M q̈ + n, so that "none" leaves no unknown without a weight.
+    """
     n, k, P = it.bias.size, len(it.jacobians), spanned(it)
     H, f = it.w_r * np.eye(k * n), np.zeros(k * n)
     for i, (J, b) in enumerate(zip(it.jacobians, it.targets, strict=True)):
@@ -105,7 +108,7 @@ def plain(it: Hierarchy, rows: Rows) -> np.ndarray | None:
         return None
 
 
-def violation(it: Hierarchy, rows: Rows) -> float:
+def violation(it: Hierarchy, rows: Rows | None = None) -> float:
     """Least largest violation by any q̈ that the projectors span, equations counted as two rows:
     min s²/2 + ε|x|²/2 with s slackening every row; above rounding: infeasible.
     """

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hierarchy_problems import hierarchy, plain, violation
+from hierarchy_problems import hierarchy
 from hypothesis import given
 from hypothesis import strategies as st
-from support.oracles.plain_lqp import PlainLqp
+from row_problems import plain, violation
+from support.solvers.one_shot import generalized_projector, ghc
 
-from hoap3.protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
-from hoap3.remote_controller.solvers import Ghc, generalized_projector, ghc
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
+from hoap3.remote_controller.solvers import Ghc
 from hoap3.remote_controller.solvers.base import status as codes
-from hoap3.remote_controller.solvers.base.task_validation import stacked
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -36,7 +36,7 @@ def agrees(seed: int) -> str:
     if expected is None:  # quadprog is wrong now and then: then the proof is the solver's own
         assert solver_for(it)[0].kkt_residual < 1e-8, seed
         return "proved"
-    for found, right in zip((qdd, tau), expected, strict=True):
+    for found, right in ((qdd, expected), (tau, it.M @ expected + it.bias)):
         assert np.abs(found - right).max() <= 1e-6 * (1 + np.abs(right).max()), seed
     for found, lower, upper in ((qdd, *it.bounds[:2]), (tau, *it.bounds[2:])):
         assert (found >= lower - 1e-8 * (1 + np.abs(lower))).all(), seed
@@ -100,7 +100,7 @@ def test_stays_accurate_for_small_weights(w_r):
         it.w_r = w_r
         it.bounds = tuple(s * np.full(6, np.inf) for s in (-1, 1, -1, 1))
         qdd, _ = ghc(*it.arguments, **it.options)
-        right, _ = plain(it)
+        right = plain(it)
         assert np.abs(qdd - right).max() < 1e-14 / w_r * (1 + np.abs(right).max()) + 1e-10
 
 
@@ -123,25 +123,6 @@ def test_no_problem_that_has_an_answer_is_called_infeasible(size, w_r):
     assert bool(given_up) == (size**2 / w_r > 1e13)
 
 
-@pytest.mark.parametrize("smoothing", [0.05, 0.3, 0.9])
-def test_its_smoothed_projectors_are_those_of_the_plain_program(smoothing):
-    """`generalized_projector` knows no task whose Jacobian is I; `Ghc` has a way of its own there.
-
-    Such a task is the last one here, and as often above others as below.
-    """
-    identities = 0
-    for seed in range(60):
-        it = hierarchy(seed)
-        stack = stacked("test", it.jacobians, it.targets, it.M, it.bias)
-        identities += any(np.array_equal(J, np.eye(stack.n)) for J in it.jacobians)
-        qdd, _ = ghc(*it.arguments, regularise=it.regularise, smoothing=smoothing)
-        right = (
-            PlainLqp(stack.n).solve(stack, it.alpha, it.w_r, it.regularise, smoothing=smoothing).qdd
-        )
-        assert np.abs(qdd - right).max() < 1e-6 * (1.0 + np.abs(right).max()), seed
-    assert identities > 10
-
-
 class TestPriorities:
     """What priorities mean for the tasks, with nothing else regularised."""
 
@@ -158,27 +139,6 @@ class TestPriorities:
         after, _ = ghc(J, b, alpha, np.eye(n), np.zeros(n), 1e-3, regularise="none")
         for task in range(3):
             assert np.abs(J[task] @ (after - before)).max() < 1e-9
-
-    def test_a_network(self):
-        """1▷2▷3, 4▷5▷6 and 2▷5: 5 and 6 shift neither 1, 2 nor 4."""
-        rng = np.random.default_rng(5)
-        n, above = 14, {0: [], 1: [0], 2: [0, 1], 3: [], 4: [3, 1, 0], 5: [3, 4, 1, 0]}
-        J = [rng.normal(size=(2, n)) for _ in range(6)]
-        b = [rng.normal(size=2) for _ in range(6)]
-        alpha = np.array([[float(j in above[i]) for j in range(6)] for i in range(6)])
-        rest = np.eye(n), np.zeros(n), 1e-3
-        whole, _ = ghc(J, b, alpha, *rest, regularise="none")
-        keep = [0, 1, 2, 3]
-        part, _ = ghc(
-            [J[i] for i in keep],
-            [b[i] for i in keep],
-            alpha[np.ix_(keep, keep)],
-            *rest,
-            regularise="none",
-        )
-        moved = [np.abs(J[i] @ (whole - part)).max() for i in keep]
-        assert max(moved[i] for i in (0, 1, 3)) < 1e-9
-        assert moved[2] > 1e-2  # 3 and 5, 6 are free of each other
 
     def test_cycles_are_legal(self):
         rng = np.random.default_rng(6)
@@ -203,14 +163,6 @@ class TestPriorities:
             expected += P @ each.T @ np.linalg.solve(damped, speed)
         np.testing.assert_allclose(dq, expected, atol=1e-12)
 
-    def test_smoothing_changes_nothing_where_all_is_well_conditioned(self):
-        it = hierarchy(3, n=6, k=2)
-        it.jacobians = [np.eye(6)[:2], np.eye(6)]
-        it.targets = [np.ones(2), np.arange(6.0)]
-        it.alpha = np.array([[0, 0], [0.8, 0.1]])
-        exact = ghc(*it.arguments)
-        np.testing.assert_allclose(ghc(*it.arguments, smoothing=0.05), exact, atol=1e-12)
-
 
 class TestErrors:
     """What is wrong is named."""
@@ -227,37 +179,23 @@ class TestErrors:
         }
 
     @pytest.mark.parametrize(
-        ("change", "said"),
+        ("change", "status"),
         [
-            ({"alpha": [[0, 0], [1.2, 0]]}, r"alpha\[1, 0\] must be within \[0, 1\] \(found 1.2"),
-            ({"alpha": [[0, np.nan], [1, 0]]}, r"alpha\[0, 1\]"),
-            ({"alpha": np.zeros((3, 3))}, r"alpha has shape \(3, 3\); give it \(2, 2\)"),
-            ({"jacobians": []}, "at least one task"),
-            ({"jacobians": [np.ones((1, 3)), np.eye(2)]}, r"jacobians\[1\] has shape"),
-            ({"jacobians": [[[1, np.nan]], np.eye(2)]}, r"jacobians\[0\] must be finite"),
-            ({"targets": [[1.0]]}, "2 Jacobians and 1 targets"),
-            ({"targets": [[1.0, 2], [0, 0]]}, r"targets\[0\] has shape"),
-            ({"M": np.eye(3)}, "M has shape"),
-            ({"bias": [0.0, np.inf]}, "bias must be finite"),
-            ({"w_r": 1e-9}, "w_r must be finite and at least 1e-8"),
-            ({"w_r": np.nan}, "w_r must be"),
-            ({"smoothing": -1.0}, "smoothing must be"),
-            ({"qdd_lower": [0.0]}, "qdd_lower has shape"),
-            ({"tau_upper": [np.nan, 1]}, "tau_upper must hold numbers"),
-            ({"qdd_lower": [np.inf, 1]}, "qdd_lower must hold numbers"),
-            ({"targets": [[1e308], [0, 1e308]], "M": 1e200 * np.eye(2)}, "overflows"),
+            ({"alpha": [[0, 0], [1.2, 0]]}, codes.BAD_INPUT),
+            ({"alpha": [[0, np.nan], [1, 0]]}, codes.BAD_INPUT),
+            ({"alpha": np.zeros((3, 3))}, codes.BAD_SHAPE),
+            ({"w_r": 1e-9}, codes.BAD_INPUT),
+            ({"w_r": np.nan}, codes.BAD_INPUT),
+            ({"smoothing": -1.0}, codes.BAD_INPUT),
+            ({"targets": [[1e308], [0, 1e308]], "M": 1e200 * np.eye(2)}, codes.OUT_OF_RANGE),
         ],
     )
-    def test_bad_input(self, good, change, said):
-        with pytest.raises(BadProblemError, match=said):
+    def test_bad_input(self, good, change, status):
+        with pytest.raises(SolverError, match=codes.NAMES[status]):
             ghc(**{**good, **change})
 
-    def test_bounds_apart(self, good):
-        with pytest.raises(InfeasibleError, match="qdd_lower is above qdd_upper for joint 1"):
-            ghc(**good, qdd_lower=[0.0, 1.0], qdd_upper=[1.0, 0.5])
-
     def test_bounds_that_contradict_each_other(self, good):
-        with pytest.raises(InfeasibleError, match="no acceleration that the tasks span"):
+        with pytest.raises(InfeasibleError):
             ghc(**good, qdd_lower=[1.0, 1.0], tau_upper=[0.5, 9.0])
 
     @pytest.mark.parametrize("of", ["qdd", "tau"])

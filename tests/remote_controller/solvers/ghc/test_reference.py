@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hierarchy_problems import Hierarchy
 from row_problems import Rows, limits, with_rows
+from support.solvers.one_shot import generalized_projector
 from test_rows import solver_for
 
-from hoap3.remote_controller.solvers import generalized_projector
 from hoap3.remote_controller.solvers.base import status as codes
 from hoap3.remote_controller.solvers.ghc import reference
 
@@ -49,7 +49,7 @@ def test_the_condensed_problem_and_its_optimum():
     assert same_answers(range(200)) > 80
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_condensed_problem_and_its_optimum_on_thousands():
     assert same_answers(range(1000, 6200)) > 2000
 

@@ -10,6 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.solvers.linalg import dense_kernels as dense
 from hoap3.remote_controller.solvers.linalg import scaling_kernels as scaling
@@ -17,8 +18,8 @@ from hoap3.remote_controller.solvers.linalg import small_product_kernels as smal
 from hoap3.remote_controller.solvers.linalg import tiled_product_kernels as tiled
 from hoap3.remote_controller.solvers.linalg.ldlt_kernels import solve_quasidefinite
 
-SEEDS = [range(500), pytest.param(range(500, 5500), marks=pytest.mark.slow)]
-many = pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+SEEDS = seed_ranges(500, 1300, 5500)
+many = pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 
 
 def near(found: np.ndarray, expected: np.ndarray) -> None:
@@ -79,11 +80,13 @@ def test_factors_and_solutions(seeds):
 def test_products(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
-        n = int(rng.integers(1, 13))
+        n = int(rng.integers(1, 34))
         X, Y, out = rng.normal(size=(n, n)), rng.normal(size=(n, n)), np.empty((n, n))
         small.times(X, Y, out)
         near(out, X @ Y)
         small.transposed_times(X, Y, out, np.empty(n))
+        near(out, X.T @ Y)
+        tiled.multiply(out, X, Y, False)
         near(out, X.T @ Y)
         tiled.multiply(out, X, np.tril(Y), True)
         near(out, X.T @ np.tril(Y))

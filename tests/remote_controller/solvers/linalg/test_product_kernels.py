@@ -30,24 +30,6 @@ def test_a_part_of_a_product_is_added_and_nothing_else_is_touched(n):
 
 
 @pytest.mark.parametrize("n", SIZES)
-@pytest.mark.parametrize("count", [0, 1, 6])
-def test_gram(n, count):
-    rows, target = random(6, n), random(n, n)
-    expected = np.triu(target - 2.0 * rows[:count].T @ rows[:count])
-    tiled_product_kernels.syrk(target, -2.0, rows, count)
-    close(np.triu(target), expected)
-
-
-@pytest.mark.parametrize("n", SIZES)
-def test_products_with_a_triangle_and_without(n):
-    X, L, out = random(n, n), random(n, n), np.full((n, n), np.nan)
-    tiled_product_kernels.multiply(out, X, L, False)
-    close(out, X.T @ L)
-    tiled_product_kernels.multiply(out, X, np.tril(L), True)
-    close(out, X.T @ np.tril(L))
-
-
-@pytest.mark.parametrize("n", SIZES)
 def test_factor_of_the_upper_triangle_within_a_larger_array(n):
     root = random(n + 2, n)
     A = np.full((n, n + 1), np.nan)
@@ -68,11 +50,3 @@ def test_dependent_columns_are_zero_rows_of_the_factor(n):
         assert not A[n // 2, n // 2 :].any()
     U = np.triu(A)
     close(U.T @ U, gram)
-
-
-@pytest.mark.parametrize("n", SIZES)
-def test_rows_divided_by_a_triangle(n):
-    U, rows = np.triu(random(n, n)) + 3 * np.eye(n), random(n, 2 * n)
-    expected = np.linalg.solve(U.T, rows)
-    tiled_product_kernels.triangular_solve(U, rows)
-    close(rows, expected)

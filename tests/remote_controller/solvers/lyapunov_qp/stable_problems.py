@@ -98,9 +98,9 @@ def by_quadprog(problem: Problem, rate: float) -> Array | None:
             -np.eye(2 * n),
         ]
     )
-    sides = np.concatenate(
-        [[rate / problem.top], -problem.b, np.zeros(2 * n), -problem.upper, problem.lower]
-    )
+    least = np.maximum(np.concatenate([problem.lower, -problem.upper]), 0.0)
+    most = np.maximum(np.concatenate([problem.upper, -problem.lower]), 0.0)
+    sides = np.concatenate([[rate / problem.top], -problem.b, least, -most])
     assert constraints.shape[1] == sides.size == 1 + m + 4 * n
     kappa = problem.gamma / (1 - problem.gamma)
     try:

@@ -13,7 +13,7 @@ from hoap3.remote_controller.solvers.lyapunov_qp.lyapunov_qp_kernels import NO_B
 from hoap3.remote_controller.solvers.qp.reference import solve_qp
 
 Array = NDArray[np.float64]
-COUNT = [300, pytest.param(2000, marks=pytest.mark.slow)]
+COUNT = [300, pytest.param(2000, marks=pytest.mark.long)]
 SIDES = ("free", "equation", "at least", "at most")
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.qp_peers import installed
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.qp.active_set import ActiveSet
-from hoap3.remote_controller.solvers.qp.qp_backends import EQUATION, NO_BOUND, Program, daqp
-from hoap3.tools.bench.qp_peers import installed
+from hoap3.remote_controller.solvers.qp.dense_qp import EQUATION, NO_BOUND, Program, daqp
 
 MAKERS = {**installed(), "ours": ActiveSet}
 NEAR = {"osqp": 1e-4, "proxqp": 1e-6, "piqp": 1e-6}

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from itertools import combinations, product
 
 import numpy as np
 import pytest
+from support.amounts import seed_ranges
 from test_qp_backends import random_program
 
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.qp.active_set import ActiveSet
-from hoap3.remote_controller.solvers.qp.qp_backends import NO_BOUND, Program
+from hoap3.remote_controller.solvers.qp.dense_qp import NO_BOUND, Program
 from hoap3.remote_controller.solvers.qp.reference import solve_qp
 
-SEEDS = [range(300), pytest.param(range(300, 5300), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(300, 1100, 5300)
 
 
 def arrays(program: Program) -> tuple[np.ndarray, ...]:
@@ -81,11 +80,3 @@ def test_the_reference_is_the_best_of_all_active_sets():
         np.testing.assert_allclose(solve_qp(*arrays(program)), expected, atol=1e-8)
         checked += 1
     assert checked > 30
-
-
-def test_references_need_no_numba():
-    names = [f"solvers.{family}.reference" for family in ("qp", "qp12", "lyapunov_qp", "tsid")]
-    probe = "; ".join(f"import hoap3.remote_controller.{name}" for name in names)
-    probe += "; import sys; assert 'numba' not in sys.modules"
-    done = subprocess.run([sys.executable, "-c", probe], check=False, capture_output=True)
-    assert done.returncode == 0, done.stderr.decode()

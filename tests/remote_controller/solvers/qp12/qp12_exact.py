@@ -7,8 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-
-from hoap3.remote_controller.solvers.qp12.reference import qp12
+from support.oracles.qp12_oracle import qp12
 
 
 def exact_qp12(gradient: NDArray[np.float64], decrease: float, gamma: float) -> list[Fraction]:

@@ -7,13 +7,14 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from support.amounts import seed_ranges
+from support.oracles import qp12_oracle as reference
+from support.solvers.one_shot import BoundedQp12
 
 from hoap3.protocol.errors import InfeasibleError
 from hoap3.remote_controller.solvers import Pinv
-from hoap3.remote_controller.solvers.qp12 import reference
-from hoap3.remote_controller.solvers.qp12.bounded_qp12 import BoundedQp12
 
-SEEDS = [range(250), pytest.param(range(250, 5250), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(250, 1050, 5250)
 GAMMAS = (0.0, 0.1, 0.5, 0.9, 0.99, 1 - 1e-9, 1.0)
 
 

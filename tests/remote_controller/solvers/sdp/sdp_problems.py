@@ -27,8 +27,11 @@ class Problem:
     delta: float = 5e-5
     weights: np.ndarray | None = None
 
-    def solver(self, **options) -> SdpGains:
-        solver = SdpGains(self.sizes, self.J.shape[1], weights=self.weights, **options)
+    def solver(self, *, damping: float = 0.0, **options) -> SdpGains:
+        solver = SdpGains(self.sizes, self.J.shape[1], **options)
+        solver.damping = damping
+        if self.weights is not None:
+            solver.weights[:] = self.weights
         solver.lower[:], solver.upper[:] = self.lower, self.upper
         return solver
 

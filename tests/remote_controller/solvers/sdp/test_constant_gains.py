@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sdp_problems import Problem, random, ur5
 
+from benchmarks.conic_gains import ConicGains
+from benchmarks.sdp_backends import installed
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.clik.constant_gains_reference import SINGULAR, pivots
-from hoap3.remote_controller.solvers.sdp.sdp_backends import ConicGains, installed
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 SEEDS = st.integers(0, 10**6)
@@ -32,7 +33,10 @@ def regular(L: np.ndarray) -> bool:
 
 def steady(it: Problem, wanted: np.ndarray, damping: float = 0.0) -> ConstantGains:
     """Solved."""
-    found = ConstantGains(it.sizes, it.J.shape[1], wanted, weights=it.weights, damping=damping)
+    found = ConstantGains(it.sizes, it.J.shape[1], wanted)
+    found.damping = damping
+    if it.weights is not None:
+        found.weights[:] = it.weights
     found.lower[:], found.upper[:] = it.lower, it.upper
     return found
 
@@ -133,27 +137,12 @@ def test_damping_tames_a_singular_task_and_costs_beta():
 
 
 class TestBadInput:
-    @pytest.mark.parametrize(
-        ("change", "named"),
-        [
-            ({"sizes": ()}, "sizes must be a list of one task or more"),
-            ({"sizes": (3, 0)}, r"sizes\[1\] must be a whole number, 1 or more"),
-            ({"joints": 0}, "joints must be a whole number, 1 or more"),
-            ({"wanted": [1.0, 1.0]}, "wanted must be 4 positive"),
-            ({"wanted": [1.0, 1.0, 1.0, 0.0]}, "wanted must be 4 positive"),
-            ({"wanted": [1.0, 1.0, 1.0, np.nan]}, "wanted must be 4 positive"),
-            ({"weights": [1.0, 1.0, 1.0, -1.0]}, "weights must be 4 positive"),
-            ({"weights": [1.0, 1.0, 1.0, np.inf]}, "weights must be 4 positive"),
-            ({"damping": "much"}, "damping"),
-        ],
-    )
-    def test_is_named(self, change, named):
-        good = {"sizes": (3, 1), "joints": 6, "wanted": np.ones(4)}
-        ConstantGains(**good)
-        with pytest.raises(BadProblemError, match=named):
-            ConstantGains(**(good | change))
+    @pytest.mark.parametrize("change", [{"sizes": ()}, {"sizes": (3, 0)}, {"joints": 0}])
+    def test_is_refused(self, change):
+        with pytest.raises(BadProblemError, match="joints, and tasks of one row or more"):
+            ConstantGains(**({"sizes": (3, 1), "joints": 6, "wanted": np.ones(4)} | change))
 
-    @pytest.mark.parametrize("place", ["J", "e", "lower", "rates", "dt", "damping"])
+    @pytest.mark.parametrize("place", ["J", "e", "lower", "rates", "dt", "damping", "weights"])
     def test_leaves_the_robot_where_it_is(self, place):
         it = ur5(0)
         solver, dt = steady(it, np.ones(4)), it.dt
@@ -162,6 +151,8 @@ class TestBadInput:
             dt = 0.0
         elif place == "damping":
             solver.damping = -1.0
+        elif place == "weights":
+            solver.weights[3] = -1.0
         elif place == "lower":
             solver.lower[0] = 0.1  # does not allow to stand still
         else:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from sdp_problems import optimum, small
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.clik_reference import stability_matrix
@@ -29,8 +30,8 @@ def test_the_schur_complement_of_21_is_c():
 
 @pytest.mark.parametrize(
     "seeds",
-    [range(150), pytest.param(range(150, 5150), marks=pytest.mark.slow)],
-    ids=["some", "many"],
+    seed_ranges(150, 950, 5150),
+    ids=AMOUNTS,
 )
 def test_gains_are_the_optimum(seeds):
     known = 0

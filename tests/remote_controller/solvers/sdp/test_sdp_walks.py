@@ -11,9 +11,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sdp_problems import random
 
+from benchmarks.gains_problems import walk
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, IPM, WARM
-from hoap3.tools.bench.problems.gains_problems import walk
 
 TICKS = 15
 

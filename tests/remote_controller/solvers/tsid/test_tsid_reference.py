@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from support.amounts import seed_ranges
+from support.oracles import tsid_oracle as reference
 from tsid_problems import with_rows
 
 from hoap3.remote_controller.solvers.base import status
-from hoap3.remote_controller.solvers.tsid import reference
 from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
     Asked,
     Motion,
@@ -16,7 +17,7 @@ from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
     se3_pd,
 )
 
-SEEDS = [range(200), pytest.param(range(200, 5200), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(200, 1000, 5200)
 
 
 @pytest.mark.parametrize("seeds", SEEDS)

@@ -9,17 +9,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from support.amounts import AMOUNTS, seed_ranges
+from support.oracles.tsid_oracle import desired_acceleration
 
 from hoap3.remote_controller.controllers.acceleration import joint_acceleration_kernels as postures
 from hoap3.remote_controller.controllers.acceleration.torque_rows_kernels import torque_rows
 from hoap3.remote_controller.controllers.velocity import velocity_task_stack_kernels as velocities
-from hoap3.remote_controller.solvers.tsid.reference import desired_acceleration
 from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
 from hoap3.remote_controller.tasks.accelerations import task_acceleration_reference as plain
 from hoap3.remote_controller.tasks.se3_reference import cross_matrix, homogeneous
 
-SEEDS = [range(200), pytest.param(range(200, 5200), marks=pytest.mark.slow)]
-many = pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+SEEDS = seed_ranges(200, 1000, 5200)
+many = pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 SIZES = {kernels.POSITION: 3, kernels.POSE: 6, kernels.GIVEN: 2, kernels.ROOT_POSE: 6}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.amounts import AMOUNTS, seed_ranges
 
 from hoap3.remote_controller.tasks.curve_following.curve_kernels import (
     curve_tangent,
@@ -15,10 +16,10 @@ from hoap3.remote_controller.tasks.curve_following.curve_kernels import (
 )
 from hoap3.remote_controller.tasks.curve_following.curve_reference import tangent, velocity
 
-SEEDS = [range(500), pytest.param(range(500, 6000), marks=pytest.mark.slow)]
+SEEDS = seed_ranges(500, 1400, 6000)
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["some", "many"])
+@pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_tangent_and_velocity_are_those_of_22_and_23(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)

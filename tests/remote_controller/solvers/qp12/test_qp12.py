@@ -1,18 +1,22 @@
-"""QP12's answers are optimal: in exact fractions, by a foreign solver, where Algorithm 1 is not."""
+"""QP12: optimal, with the properties and the steps of the paper."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
-import quadprog
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from qp12_exact import exact_kkt_residual, exact_qp12, relative_error
+from support.oracles import qp12_oracle as reference
+from support.solvers.one_shot import qp12
 
-from hoap3.remote_controller.solvers import Qp12, qp12
-from hoap3.remote_controller.solvers.qp12 import reference
+from hoap3.remote_controller.solvers import Qp12
 from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual
 
 EPS = 2.0**-52
@@ -66,24 +70,6 @@ def test_a_thousand_joints_lose_no_digits(gamma: float) -> None:
     assert relative_error(u, exact_qp12(gradient, 3.0, gamma)) < 1e-13
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.1, 0.5, 0.9, 0.99, 0.999])
-def test_agrees_with_quadprog(gamma: float) -> None:
-    rng = np.random.default_rng(4)
-    for n in (2, 7, 21):
-        for _ in range(30):
-            gradient, decrease = rng.normal(size=n), 10.0 ** rng.uniform(-2, 1)
-            a = np.abs(gradient)
-            x = quadprog.solve_qp(
-                (1 - gamma) * np.eye(n),
-                np.full(n, -gamma),
-                np.column_stack([a, np.eye(n)]),
-                np.concatenate([[decrease], np.zeros(n)]),
-                meq=1,
-            )[0]
-            u = qp12(gradient, decrease, gamma)
-            np.testing.assert_allclose(-u * np.sign(gradient), x, atol=1e-9 * max(x), rtol=0)
-
-
 def test_algorithm_1_as_printed_throws_the_robot_near_convergence() -> None:
     """One ulp of γ, divided by 1 − γ, outgrows a small step; then it runs on to M = m."""
     gradient = np.random.default_rng(5).normal(size=21)
@@ -97,16 +83,6 @@ def test_algorithm_1_as_printed_throws_the_robot_near_convergence() -> None:
     assert relative_error(u, exact) < 4 * EPS
     assert np.count_nonzero(u) == 1
     assert np.max(np.abs(u)) < 1e-17
-
-
-def test_algorithm_1_as_printed_squares_itself_out_of_range() -> None:
-    with pytest.raises(ZeroDivisionError):
-        reference.qp12([2e-200, -1e-200], 0.5e-200, 0.5)
-    printed = np.array(reference.qp12([2e200, -1e200], 0.5e200, 0.5))
-    assert exact_kkt_residual(np.array([2e200, -1e200]), 0.5e200, 0.5, printed) > 0.5
-    for scale in (1e-200, 1e200):
-        u = qp12([2 * scale, -scale], 0.5 * scale, 0.5)
-        np.testing.assert_allclose(u, qp12([2.0, -1.0], 0.5, 0.5), rtol=1e-15)
 
 
 def test_gamma_1_is_the_limit_and_shares_ties_evenly() -> None:
@@ -199,3 +175,149 @@ class TestCertificate:
         ):
             residual = qp12_kkt_residual(gradient, decrease, gamma, answer)
             assert residual == np.inf or residual > 0.5
+
+
+entries = st.one_of(
+    st.floats(1e-30, 100), st.floats(-100, -1e-30), st.integers(-3, 3).map(float), st.just(0.0)
+)
+gradients = arrays(np.float64, st.integers(1, 25), elements=entries).filter(lambda g: g.any())
+decreases = st.one_of(st.floats(1e-12, 1e6), st.floats(1e-250, 1e250))  # b/A within 1e±280
+gammas = st.one_of(st.floats(0, 1), st.sampled_from([0.0, 0.5, 0.99, 1 - 1e-15, 1 - EPS / 2, 1.0]))
+
+
+def norm(u: NDArray[np.float64]) -> float:
+    return float(np.max(np.abs(u), initial=0.0))
+
+
+@given(gradients, decreases, gammas, st.integers(-300, 300))
+def test_units_of_v_do_not_matter(
+    gradient: NDArray[np.float64], decrease: float, gamma: float, exponent: int
+) -> None:
+    """Gradient and decrease scaled by the same power of two: the same bits."""
+    assume(1e-300 < decrease * 2.0**exponent < 1e300)
+    scaled = qp12(gradient * 2.0**exponent, decrease * 2.0**exponent, gamma)
+    np.testing.assert_array_equal(scaled, qp12(gradient, decrease, gamma))
+
+
+@given(gradients, decreases, gammas, st.data())
+def test_signs_of_the_gradient_pass_through(
+    gradient: NDArray[np.float64], decrease: float, gamma: float, data: st.DataObject
+) -> None:
+    signs = data.draw(arrays(np.float64, len(gradient), elements=st.sampled_from([-1.0, 1.0])))
+    np.testing.assert_array_equal(
+        qp12(gradient * signs, decrease, gamma), qp12(gradient, decrease, gamma) * signs
+    )
+
+
+@given(gradients, decreases, gammas, st.randoms(use_true_random=False))
+def test_order_of_the_joints_does_not_matter(
+    gradient: NDArray[np.float64], decrease: float, gamma: float, random: object
+) -> None:
+    order = np.arange(len(gradient))
+    random.shuffle(order)  # type: ignore[attr-defined]
+    u = qp12(gradient, decrease, gamma)
+    shuffled = qp12(gradient[order], decrease, gamma)
+    np.testing.assert_allclose(shuffled, u[order], rtol=0, atol=4 * EPS * len(u) * norm(u))
+
+
+@given(gradients, decreases, gammas)
+def test_no_joint_moves_up_its_gradient(
+    gradient: NDArray[np.float64], decrease: float, gamma: float
+) -> None:
+    """Lemma 4."""
+    u = qp12(gradient, decrease, gamma)
+    assert np.all(np.sign(gradient) * np.sign(u) <= 0)
+    assert not np.any(u[gradient == 0])
+
+
+@given(gradients, decreases, gammas)
+def test_a_steeper_joint_moves_at_least_as_much(
+    gradient: NDArray[np.float64], decrease: float, gamma: float
+) -> None:
+    """Lemma 5, and the speeds in the order of the gradient."""
+    u = np.abs(qp12(gradient, decrease, gamma))[np.argsort(np.abs(gradient))]
+    assert np.all(np.diff(u) >= 0)
+
+
+@given(gradients, decreases)
+def test_gamma_0_is_the_pseudo_inverse(gradient: NDArray[np.float64], decrease: float) -> None:
+    g = gradient / norm(gradient)
+    expected = -g * (decrease / norm(gradient)) / (g @ g)
+    u = qp12(gradient, decrease, 0.0)
+    np.testing.assert_allclose(u, expected, rtol=0, atol=1e-14 * norm(u))
+
+
+@given(gradients, gammas)
+def test_no_decrease_no_motion(gradient: NDArray[np.float64], gamma: float) -> None:
+    for decrease in (0.0, -0.0):
+        u = qp12(gradient, decrease, gamma)
+        assert not np.any(u)
+        assert not np.any(np.signbit(u))
+
+
+Array = NDArray[np.float64]
+STEP_GAMMAS = [0.0, 0.1, 0.5, 0.9]
+ROUNDING = 1 + 1e-12
+
+
+def problems(seed: int = 7) -> list[tuple[Array, float]]:
+    """Gradients, some with zeros and ties, and decreases ρΨ > 0."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(60):
+        gradient = rng.normal(size=int(rng.integers(1, 25)))
+        gradient[rng.random(gradient.size) < 0.1] = 0.0
+        gradient[0] = gradient[-1] if gradient[-1] else 1.0
+        found.append((gradient, float(10.0 ** rng.uniform(-3, 2))))
+    return found
+
+
+def objective(u: Array, gamma: float) -> float:
+    """Φ, (26)."""
+    return float(gamma * np.abs(u).sum() + (1 - gamma) / 2 * (u @ u))
+
+
+@pytest.mark.parametrize("gamma", STEP_GAMMAS)
+def test_the_steps_to_the_bound_on_the_speed(gamma):
+    """(10) to (14); (10) holds because u* is optimal, not because Φ is nondecreasing."""
+    for gradient, decrease in problems():
+        n, norm = gradient.size, np.linalg.norm(gradient)
+        u = qp12(gradient, decrease, gamma)
+        feasible = -decrease / norm * gradient / norm  # (5)
+        assert gradient @ feasible == pytest.approx(-decrease)
+        speed = decrease / norm
+        right_of_11 = (
+            gamma * np.abs(gradient).sum() / norm**2 * decrease + (1 - gamma) / 2 * speed**2
+        )
+        assert right_of_11 == pytest.approx(objective(feasible, gamma))
+        fastest = np.abs(u).max()
+        left_of_12 = gamma * fastest + (1 - gamma) / 2 * fastest**2
+        right_of_13 = gamma * np.sqrt(n) * speed + n * (1 - gamma) / 2 * speed**2
+        chain = [left_of_12, objective(u, gamma), right_of_11, right_of_13]  # (12), (10), (13)
+        assert all(x <= y * ROUNDING for x, y in pairwise(chain))
+        F = [gamma * x + (1 - gamma) / 2 * x * x for x in (fastest, np.sqrt(n) * speed)]
+        assert F[0] <= F[1] * ROUNDING  # (14)
+
+
+@pytest.mark.parametrize("gamma", [*STEP_GAMMAS, 0.99, 1.0])
+def test_the_bound_on_the_speed(gamma):
+    """(15); √n too large where the gradient is even, and never too small."""
+    for gradient, decrease in problems():
+        bound = np.sqrt(gradient.size) * decrease / np.linalg.norm(gradient)
+        assert np.abs(qp12(gradient, decrease, gamma)).max() <= bound * ROUNDING
+
+
+@pytest.mark.parametrize("gamma", STEP_GAMMAS)
+def test_proposition_6_holds(gamma):
+    """(28) to (30) and the steps (33) to (38), with λ from the joints that move."""
+    for gradient, decrease in problems():
+        a, x = np.abs(gradient), np.abs(qp12(gradient, decrease, gamma))
+        moves = x > 0.0
+        lamda = ((1 - gamma) * decrease + gamma * a[moves].sum()) / (a[moves] ** 2).sum()  # (37)
+        assert lamda >= 0.0
+        expected = np.where(moves, (lamda * a - gamma) / (1 - gamma), 0.0)  # (28), (33)
+        np.testing.assert_allclose(x, expected, rtol=0, atol=1e-11 * x.max())
+        reach = lamda * a
+        slack = 1e-12 * max(gamma, reach.max())
+        assert (reach[moves] > gamma - slack).all()  # (34), left of (30)
+        assert (np.abs(reach[~moves]) <= gamma + slack).all()  # (35), (36), (38), right of (30)

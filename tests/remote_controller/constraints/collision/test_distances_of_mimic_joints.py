@@ -1,4 +1,4 @@
-"""Distances of a robot with followers: the rows of the same robot let go, folded by its law."""
+"""Distances of a robot with mimic joints: the rows of the same robot let go, folded by its law."""
 
 from __future__ import annotations
 

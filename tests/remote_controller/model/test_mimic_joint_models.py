@@ -1,4 +1,4 @@
-"""Models of robots with followers and continuous joints, against plain Pinocchio and q = Gq + g₀.
+"""Models with mimic and continuous joints, against plain Pinocchio and q = Gq + g₀.
 
 Robots are random trees; the reference has a coordinate for each moving joint, and its G is made
 from the URDF by hand.
@@ -115,10 +115,10 @@ def test_inertia_bias_and_gravity_are_those_of_the_full_model(seed, n, f, at):
     np.testing.assert_allclose(weight, still, atol=1e-12 * size)
 
     added, error = np.full(n, 0.1), np.linalg.cond(M + 0.1 * np.eye(n)) * 1e-13
-    ours.forward_damped(q, dq, tau, added, found)
+    ours.forward(q, dq, tau, added, found)
     wanted = np.linalg.solve(M + 0.1 * np.eye(n), tau - h)
     np.testing.assert_allclose(found, wanted, atol=error * (1.0 + np.abs(wanted).max()))
-    ours.forward(q, dq, tau, found)  # undoes `inverse`
+    ours.forward(q, dq, tau, np.zeros(ours.n), found)  # undoes `inverse`
     np.testing.assert_allclose(found, ddq, atol=1e-12 * size * np.linalg.cond(M))
 
 
@@ -152,7 +152,7 @@ def test_rows_of_frames_are_those_of_the_full_model(seed, n, f, at):
     np.testing.assert_allclose(ours.jacobian[4:7], R.T @ J[3:], atol=1e-12 * size)
 
 
-def test_friction_of_followers_counts_as_the_master_feels_it(tmp_path):
+def test_friction_of_mimic_joints_counts_as_the_mimicked_joint_feels_it(tmp_path):
     """far_elbow turns half as fast as elbow and has d = 0.2, c = 0.1; elbow itself has none."""
     dynamics = Dynamics(following_arm(tmp_path))
     np.testing.assert_allclose(dynamics.damping, [0.0, 0.2, 0.05, 0.0, 0.2], atol=1e-16)
@@ -160,7 +160,7 @@ def test_friction_of_followers_counts_as_the_master_feels_it(tmp_path):
 
 
 @pytest.mark.parametrize("robot_seed", range(3))
-def test_a_robot_without_followers_has_no_detour(robot_seed):
+def test_a_robot_without_mimic_joints_has_no_detour(robot_seed):
     robot = following_tree(robot_seed, 4, 0)
-    assert Kinematics(robot).followers is None
-    assert Dynamics(robot).followers is None
+    assert Kinematics(robot).mimic_joints is None
+    assert Dynamics(robot).mimic_joints is None
