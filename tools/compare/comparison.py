@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.compare.answers import Answers
+from hoap3.remote_controller.tasks.registry import TaskSettings, check_parameters
 from hoap3.tools.compare.candidates import Candidate, read_candidates
-from hoap3.tools.compare.closed_loop import ClosedLoop
-from hoap3.tools.compare.figures import Figures, figures, findings
-from hoap3.tools.compare.open_loop import OpenLoop, read_asked
-from hoap3.tools.compare.series import Series, read_series
-from hoap3.tools.compare.tasks import other_tasks
-from hoap3.tools.compare.timing import measure
+from hoap3.tools.compare.figures import Figures, Series, figures, findings, read_series
+from hoap3.tools.compare.loops import (
+    Answers,
+    Say,
+    closed_loop,
+    open_loop,
+    read_asked,
+    time_answers,
+)
 from hoap3.tools.machine.machine import versions
-from hoap3.tools.simulate import emulator_content, emulator_settings
+from hoap3.tools.services.configs import load_emulator_config
 
 ROBOT, DURATION_S, SEED = "hoap3", 20.0, 0
-Say = Callable[[str], None]
-Ready = Callable[[], None]
-Loop = TypeVar("Loop", ClosedLoop, OpenLoop)
+ALIKE = 0.01  # of V at the start: encoders round, and some controllers go by the reference
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Comparison:
         candidates, series, figures: one each, in the order in which they were named.
         findings: what is wrong, in words.
         other_tasks: labels of those whose task is another than the first one's.
-        timing: how long they take, see `timing.measure`; None where nobody asked.
+        timing: how long they take, see `loops.time_answers`; None where nobody asked.
     """
 
     facts: dict[str, Any]
@@ -91,7 +93,7 @@ def compare(
     *,
     timing: bool = True,
     say: Say = lambda _: None,
-    ready: Ready = lambda: None,
+    ready: Callable[[], None] = lambda: None,
 ) -> Comparison:
     """Compare controllers, in closed loop unless there is a log.
 
@@ -109,21 +111,30 @@ def compare(
     """
     candidates = read_candidates(controllers)
     if log is None:
-        facts, answers = _closed(
-            candidates,
-            ROBOT if robot is None else robot,
-            DURATION_S if duration is None else duration,
-            SEED if seed is None else seed,
-            say,
-            ready,
-        )
+        duration = DURATION_S if duration is None else duration
+        seed = SEED if seed is None else seed
+        emulator, file = load_emulator_config(ROBOT if robot is None else robot, seed=seed)
+        loops = [closed_loop(each, emulator, file, duration, say) for each in candidates]
     else:
         given = {"--robot": robot, "--duration": duration, "--seed": seed}
         wrong = [name for name, value in given.items() if value is not None]
         if wrong:
             raise UsageError(f"{wrong[0]}: comes from the log {log}. Drop it, or drop --log")
-        facts, answers = _open(candidates, log, say, ready)
+        description, asked = read_asked(log)
+        loops = [open_loop(each, description, asked) for each in candidates]
+    ready()
+    answers: list[Answers] = []
     labels = [each.label for each in candidates]
+    for label, run in zip(labels, loops, strict=True):
+        if log is not None:
+            say(f"{label}: {len(asked)} States of {log}")
+        try:
+            answers.append(run())
+        except UsageError:
+            raise
+        except Hoap3Error as error:
+            raise Hoap3Error(f"{label}: {error}") from error
+    facts = _facts(answers[0], duration, seed, log)
     series = [
         read_series(found, each.parameters) for each, found in zip(candidates, answers, strict=True)
     ]
@@ -151,61 +162,54 @@ def compare(
     times = None
     if timing:
         say("timing")
-        times = measure(labels, answers)
+        times = time_answers(labels, answers)
     differing = [label for label, other in zip(labels, others, strict=True) if other]
     return Comparison(facts, candidates, series, found, wrong, differing, times)
 
 
-def _closed(
-    candidates: list[Candidate], robot: str, duration: float, seed: int, say: Say, ready: Ready
-) -> tuple[dict[str, Any], list[Answers]]:
-    emulator = emulator_settings(robot, seed)
-    file = emulator_content(robot)[1]
-    loops = [ClosedLoop(each, emulator, file) for each in candidates]
-    ready()
-
-    def run(label: str, loop: ClosedLoop) -> Answers:
-        return loop.run(duration, lambda text: say(f"{label}: {text}"))
-
-    answers = _run(candidates, loops, run)
-    facts = {"mode": "closed loop", **_robot(answers[0])}
-    return {**facts, "duration_s": duration, "seed": seed, "log": None}, answers
-
-
-def _open(
-    candidates: list[Candidate], log: Path, say: Say, ready: Ready
-) -> tuple[dict[str, Any], list[Answers]]:
-    asked = read_asked(log)
-    loops = [OpenLoop(each, asked) for each in candidates]
-    ready()
-
-    def run(label: str, loop: OpenLoop) -> Answers:
-        say(f"{label}: {len(asked.payloads)} States of {log}")
-        return loop.run()
-
-    answers = _run(candidates, loops, run)
-    facts = {"mode": "open loop", **_robot(answers[0])}
-    stamps, period = answers[0].states["stamp_intended"], asked.description.period_s
-    duration = max(0.0, float(stamps[-1] - stamps[0]) / 1e9) + period
-    return {**facts, "duration_s": duration, "seed": None, "log": str(log)}, answers
+def _facts(
+    answers: Answers, duration: float | None, seed: int | None, log: Path | None
+) -> dict[str, Any]:
+    """What was compared on; the duration of a log follows from its States."""
+    description, stamps = answers.description, answers.states["stamp_intended"]
+    if log is not None:
+        duration = max(0.0, float(stamps[-1] - stamps[0]) / 1e9) + description.period_s
+    return {
+        "mode": "closed loop" if log is None else "open loop",
+        "robot": description.name,
+        "joints": description.n,
+        "period_s": description.period_s,
+        "duration_s": duration,
+        "seed": seed,
+        "log": None if log is None else str(log),
+    }
 
 
-def _run(
-    candidates: list[Candidate], loops: list[Loop], run: Callable[[str, Loop], Answers]
-) -> list[Answers]:
-    """Answers of each; says which controller failed, but wrong usage names its own place."""
-    answers = []
-    for each, loop in zip(candidates, loops, strict=True):
-        try:
-            answers.append(run(each.label, loop))
-        except UsageError:
-            raise
-        except Hoap3Error as error:
-            raise Hoap3Error(f"{each.label}: {error}") from error
-    return answers
+def other_tasks(parameters: Sequence[dict[str, Any]], series: Sequence[Series]) -> list[bool]:
+    """For each controller whether its task is another than that of the first.
+
+    It is where both name their tasks and these differ, or where V differs at the start, from which
+    all set out alike.
+
+    Args:
+        parameters: of each controller, defaults included.
+        series: what each of them did in closed loop.
+    """
+    named = [_named(each) for each in parameters]
+    starts = [float(each.lyapunov[0]) if len(each) else math.nan for each in series]
+    return [
+        task != named[0]
+        if task is not None and named[0] is not None
+        else abs(start - starts[0]) > ALIKE * max(start, starts[0])  # not so of NaN
+        for task, start in zip(named, starts, strict=True)
+    ]
 
 
-def _robot(answers: Answers) -> dict[str, Any]:
-    description = answers.description
-    sizes = {"joints": description.n, "period_s": description.period_s}
-    return {"robot": description.name, **sizes}
+def _named(parameters: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
+    """The task that a controller's settings name, with its defaults, or None."""
+    given = parameters.get("task")
+    if not (isinstance(given, dict) and given.keys() == TaskSettings.model_fields.keys()):
+        return None
+    task = TaskSettings.model_validate(given)
+    whole: dict[str, Any] = check_parameters(task).model_dump(mode="json")
+    return task.task, whole

@@ -1,26 +1,133 @@
 """The figures of a comparison, one set for each controller, and what each of them means.
 
-Whatever only a closed loop has is None in an open one; so is what a controller does not tell.
+Whatever only a closed loop has is None in an open one; so is what a controller does not report.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.compare.series import Series
-from hoap3.tools.html.numbers import least
-from hoap3.tools.show.verdicts import NAMES, failed, in_words, judge
+from hoap3.protocol.messages import FloatArray, Setpoint
+from hoap3.protocol.robot.description import COM, RobotDescription
+from hoap3.remote_controller.controllers.base import ACTIVE_SPEED, STATUS
+from hoap3.tools.analysis.answer_series import UNITS, AnswerSeries, read_answers
+from hoap3.tools.analysis.numbers import greatest, least, number
+from hoap3.tools.analysis.report.motion import point_path
+from hoap3.tools.analysis.verdicts import NAMES, failed, in_words, judge
+from hoap3.tools.compare.loops import Answers, Rows
 
 SETTLED = 0.01  # of the error at the start
 LEAST_MARGIN = -1e-6  # what linearised constraints may miss in one period without a finding
 Figures = dict[str, Any]
+EMPTY = np.empty((0, 0))
+ROUNDING = 1e-9  # of a position [rad or m] or speed, that is no violation of a limit
+SPEED = UNITS[Setpoint.POSITION]
+
+
+@dataclass
+class Series(AnswerSeries):
+    """The answers of one controller, with what they led to.
+
+    Attributes:
+        period_s: for how long an answer counts [s].
+        position, speed: (k,) joints that the answer sends beyond a limit of the robot; None where
+            u is no speed, and only the robot knows.
+        com_m: (k, 3) centre of mass of the applied reference, in the robot's base frame, or empty.
+        reference: (k, n) applied reference, or empty.
+    """
+
+    period_s: float
+    position: NDArray[np.int64] | None
+    speed: NDArray[np.int64] | None
+    com_m: FloatArray = field(default_factory=lambda: EMPTY)
+    reference: FloatArray = field(default_factory=lambda: EMPTY)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @cached_property
+    def lyapunov(self) -> FloatArray:
+        """(k,) V; NaN where there is none, or the value is no V."""
+        return np.where((self.v >= 0.0) & (self.v < np.inf), self.v, np.nan)
+
+    @cached_property
+    def error(self) -> FloatArray:
+        """(k,) √(2V)."""
+        return np.asarray(np.sqrt(2.0 * self.lyapunov))
+
+    @cached_property
+    def control_effort(self) -> FloatArray:
+        """(k,) |u|₁."""
+        return np.asarray(np.abs(self.inputs).sum(axis=1))
+
+    @cached_property
+    def moving(self) -> NDArray[np.bool_] | None:
+        """(k, n) joints with |u| ≥ 0.001 rad/s; None where u is no speed."""
+        return np.abs(self.inputs) >= ACTIVE_SPEED if self.unit == SPEED else None
+
+    @cached_property
+    def active(self) -> FloatArray | None:
+        """(k,) how many they are."""
+        return None if self.moving is None else self.moving.sum(axis=1).astype(float)
+
+    @cached_property
+    def switched(self) -> FloatArray | None:
+        """(k,) joints that became active, or stopped being so, since the answer before."""
+        if self.moving is None:
+            return None
+        changes = (self.moving[1:] != self.moving[:-1]).sum(axis=1)
+        return np.concatenate([np.zeros(min(1, len(self))), changes])
+
+    @cached_property
+    def unproved(self) -> NDArray[np.bool_]:
+        """(k,) answers that should have a certificate that holds, and have none."""
+        return np.isin(self.status, (STATUS["uncertified"], STATUS["infeasible"]))
+
+
+def read_series(answers: Answers, parameters: dict[str, Any]) -> Series:
+    """Take from the answers what figures are made of.
+
+    Args:
+        answers: of one controller.
+        parameters: its own, which say where its setpoints are integrated from.
+    """
+    description, states, setpoints = answers.description, answers.states, answers.setpoints
+    start = int(states["stamp_intended"][:1].sum())
+    with np.errstate(invalid="ignore", over="ignore"):  # whatever a log has in its States
+        series = read_answers(states, setpoints, description, parameters, start)
+        position, speed = _beyond(description, states, setpoints, series)
+    moved = answers.closed_loop and len(states) > 0
+    reference = np.array(states["reference"]) if moved else EMPTY
+    return Series(
+        **vars(series),
+        period_s=description.period_s,
+        position=position,
+        speed=speed,
+        com_m=point_path(reference, description, COM, description.base_frame) if moved else EMPTY,
+        reference=reference,
+    )
+
+
+def _beyond(
+    description: RobotDescription, states: Rows, setpoints: Rows, series: AnswerSeries
+) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
+    """(k,) joints beyond a usable position, and beyond their speed; None where u is no speed.
+
+    A joint that starts outside of its usable positions may stay there, but not go further.
+    """
+    if series.unit != SPEED:
+        return None, None
+    before, after = states["reference"], setpoints["values"]
+    over = after > np.maximum(description.upper, before) + ROUNDING
+    under = after < np.minimum(description.lower, before) - ROUNDING
+    fast = np.abs(series.inputs) > description.velocity + ROUNDING
+    return (over | under).sum(axis=1), fast.sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -105,7 +212,7 @@ def figures(
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time.
         same_task: as the first; what could not be compared is None otherwise.
-        judged: its verdicts, as `hoap3.tools.show.verdicts.judge` gives them; None for none.
+        judged: its verdicts, as `hoap3.tools.analysis.verdicts.judge` gives them; None for none.
     """
     found: Figures = {
         **(judged or judge(None, {}, None)),
@@ -115,19 +222,22 @@ def figures(
         "v_difference": _v_difference(series, first) if closed_loop and same_task else None,
         "control_effort": _control_effort(series),
         "unit": series.unit,
-        "path": _path(series) if closed_loop else _none("com_m", "joints_rad"),
+        "path": {
+            "com_m": _length(series.com_m) if closed_loop else None,
+            "joints_rad": _length(series.reference) if closed_loop else None,
+        },
         "active_joints": _active(series),
         "switching_per_s": _switching(series),
         "violations": {
             "position": _some(series.position),
             "speed": _some(series.speed),
-            "margin": int((series.margin[series.proved] < LEAST_MARGIN).sum()),
+            "margin": int((series.margin < LEAST_MARGIN).sum()),
         },
-        "margin_min": least(series.margin[series.proved]),
+        "margin_min": least(series.margin),
         "certificates": {
             name: int((series.status == value).sum()) for name, value in STATUS.items()
         },
-        "rho_min": least(series.rho[series.proved]),
+        "rho_min": least(series.rho),
         "u_difference": None if closed_loop else _u_difference(series, first),
     }
     if not same_task:
@@ -145,6 +255,12 @@ def value(found: Figures, key: str) -> Any:
     for part in key.split("."):
         found = found[part]
     return found
+
+
+def cell(found: Figures, key: str) -> str:
+    """One figure as text."""
+    given: Any = value(found, key)
+    return given if isinstance(given, str) else "–" if given is None else number(given)
 
 
 def findings(label: str, found: Figures) -> list[str]:
@@ -201,7 +317,7 @@ def _v_difference(series: Series, first: Series) -> float | None:
     ours, theirs = series.lyapunov[:k], first.lyapunov[:k]
     if not k or not theirs[0] > 0.0:
         return None
-    return _greatest(np.abs(ours - theirs) / theirs[0])
+    return greatest(np.abs(ours - theirs) / theirs[0])
 
 
 def _control_effort(series: Series) -> Figures:
@@ -213,10 +329,6 @@ def _control_effort(series: Series) -> Figures:
         "l2": float(series.period_s * (sizes**2).sum()),
         "max": float(sizes.max()),
     }
-
-
-def _path(series: Series) -> Figures:
-    return {"com_m": _length(series.com_m), "joints_rad": _length(series.reference)}
 
 
 def _length(points: FloatArray) -> float | None:
@@ -239,9 +351,4 @@ def _switching(series: Series) -> float | None:
 def _u_difference(series: Series, first: Series) -> float | None:
     if series.unit != first.unit or not len(series):
         return None
-    return _greatest(np.abs(series.inputs - first.inputs))
-
-
-def _greatest(values: FloatArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if known.size else None
+    return greatest(np.abs(series.inputs - first.inputs))

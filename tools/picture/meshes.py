@@ -6,22 +6,22 @@ to be drawn: its URDF must be the same to the letter.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.constraints.collision.collision_geometry import rotation
 from hoap3.robot_emulator.robots import find_file
 from hoap3.robot_emulator.robots.urdf_import.folder import MESHES
-from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, digest
+from hoap3.robot_emulator.robots.urdf_import.mesh_files import MeshError, digest
 from hoap3.robot_emulator.robots.yaml_file import MeshEntry, read_files
-from hoap3.tools.picture.solids import Solid, rotation_of, solids_of
+from hoap3.tools.picture.solids import Solid, solids_of
 
 MOST = 400_000  # triangles of all meshes of a robot
 FINEST = 256  # cells along the longest side of a mesh that is made coarser
@@ -117,7 +117,7 @@ def mesh_solids(kept: KeptMeshes, most: int) -> list[Solid]:
         a, b, c = vertices[triangles].transpose(1, 0, 2)
         if float((a * np.cross(b, c)).sum()) < 0.0:  # mirrored, or its corners turn right
             triangles = triangles[:, ::-1]
-        axes, center = rotation_of(np.array(entry.rpy_rad)), np.array(entry.xyz_m)
+        axes, center = rotation(*entry.rpy_rad), np.array(entry.xyz_m)
         found.append(Solid(entry.link, "mesh", (), center, axes, None, vertices, triangles))
     return found
 
@@ -135,16 +135,9 @@ def coarser(
         triangles: (m, 3), corners as places in `vertices`.
         most: triangles at the most.
     """
-    low, high = 1, FINEST
-    best = _clustered(vertices, triangles, low)
-    while low < high:
-        middle = (low + high + 1) // 2
-        tried = _clustered(vertices, triangles, middle)
-        if len(tried[1]) <= most:
-            low, best = middle, tried
-        else:
-            high = middle - 1
-    return best
+    cells = range(1, FINEST + 1)
+    fitting = bisect_right(cells, most, key=lambda n: len(_clustered(vertices, triangles, n)[1]))
+    return _clustered(vertices, triangles, max(1, fitting))
 
 
 def _clustered(
@@ -181,15 +174,10 @@ def read_mesh(path: Path, most: int = MOST) -> tuple[FloatArray, NDArray[np.int6
     if mesh.num_tris > most:
         raise MeshError(f"has {mesh.num_tris} triangles, which are too many to be drawn")
     vertices = np.array(mesh.vertices(), float).reshape(-1, 3)
-    triangles = np.array(list(_triangles(mesh)), np.int64).reshape(-1, 3)
+    corners = [mesh.tri_indices(number) for number in range(mesh.num_tris)]
+    triangles = np.array([(c[0], c[1], c[2]) for c in corners], np.int64).reshape(-1, 3)
     if not len(vertices) or not np.isfinite(vertices).all():
         raise MeshError("has no vertices, or some that are not finite")
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
         raise MeshError("has triangles of vertices that are not there")
     return vertices, triangles
-
-
-def _triangles(mesh: Any) -> Iterator[tuple[int, int, int]]:
-    for number in range(mesh.num_tris):
-        corner = mesh.tri_indices(number)
-        yield corner[0], corner[1], corner[2]

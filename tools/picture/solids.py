@@ -7,7 +7,7 @@ them. A shape without an extent, or one that is too large to be drawn, is left o
 
 from __future__ import annotations
 
-import math
+import itertools
 from dataclasses import dataclass, replace
 from typing import Literal
 from xml.etree import ElementTree as ET
@@ -15,12 +15,15 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.constraints.collision.collision_geometry import rotation
+from hoap3.tools.picture.painter import Face
 
 Kind = Literal["box", "cylinder", "capsule", "sphere", "mesh"]
 FAR_M = 1e4  # no robot is larger
 NEAR_M = 1e-6  # of ends of capsules, which a URDF has in decimals
+_BOX = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 _SIZES: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "box": ("box", ("size",)),
     "cylinder": ("cylinder", ("radius", "length")),
@@ -53,17 +56,6 @@ class Solid:
     vertices: FloatArray | None = None
     triangles: NDArray[np.int64] | None = None
 
-    @property
-    def reach(self) -> float:
-        """Radius of a ball around its centre that holds it [m]."""
-        if self.vertices is not None:
-            return float(np.linalg.norm(self.vertices, axis=1).max(initial=0.0))
-        if self.kind == "box":
-            return 0.5 * math.hypot(*self.size)
-        if self.kind == "cylinder":
-            return math.hypot(self.size[0], 0.5 * self.size[1])
-        return self.size[0] + 0.5 * sum(self.size[1:])
-
 
 def solids_of(description: RobotDescription) -> list[Solid]:
     """The shapes of all links of a robot, in the order of its URDF."""
@@ -79,18 +71,6 @@ def solids_of(description: RobotDescription) -> list[Solid]:
         shapes = _shapes(link, "visual", named) or _shapes(link, "collision", named)
         found += _with_capsules(shapes)
     return found
-
-
-def rotation_of(rpy: FloatArray) -> FloatArray:
-    """Rotation of a URDF's roll, pitch, yaw (3,) [rad]: Rz(yaw)·Ry(pitch)·Rx(roll), (3, 3)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 Colors = dict[str, tuple[float, ...]]
@@ -116,7 +96,7 @@ def _solid(link: str, element: ET.Element, named: Colors) -> Solid | None:
         return None
     material = element.find("material")
     color = None if material is None else _rgba(material) or named.get(material.get("name", ""))
-    return Solid(link, kind, size, center, rotation_of(rpy), color)
+    return Solid(link, kind, size, center, rotation(*rpy), color)
 
 
 def _rgba(material: ET.Element) -> tuple[float, ...] | None:
@@ -157,3 +137,52 @@ def _closes(sphere: Solid, cylinder: Solid) -> bool:
     half = 0.5 * cylinder.size[1] * cylinder.axes[:, 2]
     away = sphere.center - cylinder.center
     return bool(min(np.abs(away - half).max(), np.abs(away + half).max()) < NEAR_M)
+
+
+def faces_of(solid: Solid, sides: int) -> list[Face]:
+    """Faces of a shape, in the axes of its link.
+
+    Args:
+        solid: the shape.
+        sides: of what is round, a multiple of 4. Edges are those of flat faces alone.
+    """
+    return [
+        Face(face.corners @ solid.axes.T + solid.center, face.outlined)
+        for face in _own_faces(solid, sides)
+    ]
+
+
+def _own_faces(solid: Solid, sides: int) -> list[Face]:
+    if solid.vertices is not None and solid.triangles is not None:
+        return [Face(corners, outlined=False) for corners in solid.vertices[solid.triangles]]
+    if solid.kind == "box":
+        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        corners = 0.5 * signs * np.array(solid.size)
+        return [Face(corners[list(face)], outlined=True) for face in _BOX]
+    radius, length = (*solid.size, 0.0)[:2]
+    if solid.kind == "cylinder":
+        return _turned([(radius, -length / 2), (radius, length / 2)], sides)
+    tilts = np.linspace(0.0, np.pi / 2, sides // 4 + 1)
+    upper = [(radius * np.cos(t), radius * np.sin(t) + length / 2) for t in tilts[:-1]]
+    lower = [(r, -z) for r, z in reversed(upper)]
+    if length == 0.0:
+        upper = upper[1:]  # the same equator
+    pole = radius + length / 2
+    return _turned([(0.0, -pole), *lower, *upper, (0.0, pole)], sides)
+
+
+def _turned(profile: list[tuple[float, float]], sides: int) -> list[Face]:
+    """Faces of a profile (radius, z), from below, that is turned about z; flat ends are closed."""
+    angles = 2.0 * np.pi * (np.arange(sides + 1) % sides) / sides
+    circle = np.column_stack((np.cos(angles), np.sin(angles), np.ones(sides + 1)))
+    rings = [circle * (radius, radius, z) for radius, z in profile]
+    faces = [
+        Face(np.array(corners), outlined=False)
+        for low, high in itertools.pairwise(rings)
+        for corners in zip(low[:-1], low[1:], high[1:], high[:-1], strict=True)
+    ]
+    if profile[0][0] > 0.0:
+        faces.append(Face(rings[0][:0:-1], outlined=True))
+    if profile[-1][0] > 0.0:
+        faces.append(Face(rings[-1][1:], outlined=True))
+    return faces

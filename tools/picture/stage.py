@@ -10,10 +10,9 @@ import numpy as np
 from hoap3.protocol.messages import FloatArray
 from hoap3.tools.picture.body import Body, Placement
 from hoap3.tools.picture.camera import Camera
-from hoap3.tools.picture.flat import Flat
-from hoap3.tools.picture.floor import Floor
-from hoap3.tools.picture.marks import Marks
-from hoap3.tools.picture.painted import painted
+from hoap3.tools.picture.marks import Floor, Marks
+from hoap3.tools.picture.painter import painted
+from hoap3.tools.picture.svg import Flat
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +53,12 @@ class Stage:
         every = [points, floor.corners, *(each.points for each in marks)]
         return cls(body, floor, Camera.around(np.concatenate(every), *size, margin, **seen_from))
 
-    def paint(
-        self, placement: Placement, marks: Marks, most: int, tints: Sequence[str] | None = None
-    ) -> list[Flat]:
+    def paint(self, placement: Placement, marks: Marks) -> list[Flat]:
         """Floor, shadow, robot and marks, one over the other.
 
         Args:
             placement: of the robot.
             marks: around it.
-            most: faces of the robot at the most.
-            tints: of each of its solids, the family of its shades, of `palette.FAMILIES`.
         """
         faces = self.body.faces(placement)
         bones = [] if faces else self._bones(placement)
@@ -71,7 +66,7 @@ class Stage:
             *self.floor.drawn(self.camera),
             *self.floor.shadows(faces, self.camera),
             *marks.under(self.floor, self.camera),
-            *painted(faces, self.camera, most, tints),
+            *painted(faces, self.camera),
             *bones,
             *marks.over(self.floor, self.camera),
         ]

@@ -1,18 +1,41 @@
-"""Flat things as an SVG that takes the colours of its page: `html/templates/document.html`."""
+"""Shapes of a picture, painted one over the other, as an SVG with the colours of its page.
+
+`analysis/templates/document.html` has these colours.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.tools.html.palette import COLOURS
-from hoap3.tools.picture.flat import Flat
+from hoap3.tools.picture.palette import COLOURS
 
 FINE = 4  # steps of a coordinate in a px
 DASH, GAP = 5.0, 4.0  # of a line with gaps [px]
+Form = Literal["face", "line", "loop", "dash", "dot", "ring", "cross"]
+
+
+@dataclass(frozen=True, eq=False)
+class Flat:
+    """One thing.
+
+    Attributes:
+        form: face: filled; line: through its points; loop: one that is closed; dash: one with
+            gaps; dot, ring, cross: at its first point.
+        points: (k, 2), x to the right, y down [px].
+        role: its colour, of `hoap3.tools.picture.palette`.
+        size: width of a line; radius of a dot, a ring or a cross [px].
+    """
+
+    form: Form
+    points: FloatArray
+    role: str
+    size: float = 1.5
 
 
 def svg(things: Sequence[Flat], width: float, height: float) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.logs.disk_rows import parts
 from hoap3.tools.verify.claims import RELATIVE, Claims
 

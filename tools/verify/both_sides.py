@@ -1,7 +1,4 @@
-"""Compare the logs of a robot and of its controller.
-
-Where one side is of version 1 of the wire, they can agree only in what that version has.
-"""
+"""Compare the logs of a robot and of its controller."""
 
 from __future__ import annotations
 
@@ -13,11 +10,9 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LogError, WireError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.protocol.wire_versions import OLDEST, downgraded
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims
 
@@ -27,9 +22,9 @@ Rows = NDArray[np.bytes_]
 
 def check_both(robot: Log, controller: Log, claims: Claims) -> None:
     """The robot's description, and what both logs have of a tick, are the same."""
-    together, old = False, OLDEST in {robot.wire_version, controller.wire_version}
+    together = False
     for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
-        ours, theirs = (_messages(log, kind, old=old) for log in (robot, controller))
+        ours, theirs = (_messages(log, kind) for log in (robot, controller))
         keys = np.unique(_keys(theirs))
         shared = np.intersect1d(_keys(ours), keys)
         together |= bool(len(shared))
@@ -42,7 +37,7 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         claims.unverified("description in both logs", 1, UNSHARED)
         return
     try:
-        digests = {_digest(log.description, old=old) for log in (robot, controller)}
+        digests = {log.description.digest for log in (robot, controller)}
         claims.equal("description in both logs", 0, float(len(digests) == 1), 1.0)
     except LogError as error:
         claims.unverified("description in both logs", 1, str(error))
@@ -58,7 +53,6 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool | None]:
     """
     alike: dict[str, bool | None] = {}
     found = [(log, _stated(log)) for log in logs]
-    old = OLDEST in {log.wire_version for log, _ in found}
     for log, records in found:
         described = records[Kind.DESCRIPTION][-1:]
         if described and "description.json" not in log.attachments:
@@ -75,9 +69,8 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool | None]:
             if theirs is records or not ours & others:
                 continue
             known = [json.loads(json.loads(body)["config"]) for body in theirs[Kind.CONFIG]]
-            if known or not old:
-                alike[f"config of the {log.side}"] = log.settings in known if known else None
-            if described and theirs[Kind.DESCRIPTION] and not old:
+            alike[f"config of the {log.side}"] = log.settings in known if known else None
+            if described and theirs[Kind.DESCRIPTION]:
                 alike["description of both"] = described[0] in theirs[Kind.DESCRIPTION]
     return alike
 
@@ -85,9 +78,8 @@ def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool | None]:
 def _stated(log: Log) -> dict[Kind, list[bytes]]:
     """The records that repeat what a log encloses."""
     found: dict[Kind, list[bytes]] = {Kind.DESCRIPTION: [], Kind.CONFIG: [], Kind.SESSION: []}
-    for record in log.records():
-        if record.kind in found:
-            found[record.kind].append(record.payload)
+    for record in log.records(*found):
+        found[record.kind].append(record.payload)
     return found
 
 
@@ -98,24 +90,16 @@ def _urdf(log: Log) -> str | None:
         return None
 
 
-def _digest(description: RobotDescription, *, old: bool) -> str:
-    """What tells descriptions apart; of an `old` side, without what version 1 does not know."""
-    known = description.model_copy(update={"state_arrays": {}}) if old else description
-    return known.digest
-
-
-def _messages(log: Log, kind: Kind, *, old: bool) -> Rows:
-    """Session, tick and digest of each message, as version 1 has it where one side is old, (N,)."""
+def _messages(log: Log, kind: Kind) -> Rows:
+    """Return session, tick and digest of each message, (N,)."""
     message = State if kind == Kind.STATE else Setpoint
     found = bytearray()
-    for record in log.records():
-        if record.kind == kind:
-            try:
-                key = message.scalars(record.payload, "session_id", "tick")
-                payload = downgraded(message, record.payload) if old else record.payload
-            except WireError:
-                continue
-            found += struct.pack("=QQ", *key) + blake2b(payload, digest_size=16).digest()
+    for record in log.records(kind):
+        try:
+            key = message.scalars(record.payload, "session_id", "tick")
+        except WireError:
+            continue
+        found += struct.pack("=QQ", *key) + blake2b(record.payload, digest_size=16).digest()
     return np.frombuffer(found, "S32")
 
 

@@ -121,6 +121,19 @@ class Claims:
             reasons = self._count(claim).unverified
             reasons[reason] = reasons.get(reason, 0) + cycles
 
+    def add(self, other: Claims) -> None:
+        """Add all claims of another part of the log."""
+        for name, each in other.counts.items():
+            count = self._count(name)
+            count.checked += each.checked
+            count.false += each.false
+            count.largest = max(count.largest, each.largest)
+            ticks = [tick for tick in (count.first_false, each.first_false) if tick is not None]
+            count.first_false = min(ticks, default=None)
+            for reason, cycles in each.unverified.items():
+                self.unverified(name, cycles, reason)
+        self.listed += other.listed[: MOST_LISTED - len(self.listed)]
+
     @property
     def checked(self) -> int:
         """Numbers that were recomputed."""

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.remote_controller.controllers.certificate import BLOCKED, STATIONARY
 from hoap3.tools.logs.disk_rows import DiskRows, RowsAt, parts
 from hoap3.tools.verify.tasks.live import Messages, Taken
 
@@ -99,14 +98,6 @@ class ControllerRun:
         """For each answer whether the log has all since the controller last began anew, (N,)."""
         reset, gap = (last_of(places, self.answered) for places in (self.resets, self.gaps))
         return (reset >= 0) & (reset >= gap)
-
-    @cached_property
-    def names_stationary(self) -> bool:
-        """Whether the controller logs stationary tasks; those of older releases certified them."""
-        return any(
-            str(name).startswith((STATIONARY, BLOCKED))
-            for name in self.session.get("conditions") or ()
-        )
 
     def during(self, begin: str) -> NDArray[np.bool_]:
         """For each answer whether a condition with such a begin held, as logged, (N,)."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import COMMANDS, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 
 WINDOW = 100  # ticks of the success rate
 REMEMBERED = 1024  # ticks for which an answer is still known to have been asked for

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import COM, RobotDescription
+from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 
@@ -40,11 +40,8 @@ class PointTask:
             UnverifiableError: neither has a target.
         """
         default, robot = description.default_task, Robot(description)
-        older = parameters.get("frame")  # of older logs; without a point: the centre of mass
-        reference = parameters.get("reference_frame") or older
-        reference = reference or (default.reference if default else None)
-        point = parameters.get("point") or (COM if older else None)
-        point = point or (default.point if default else None)
+        reference = parameters.get("reference_frame") or (default.reference if default else None)
+        point = parameters.get("point") or (default.point if default else None)
         if point is None or reference is None:
             raise UnverifiableError("the log names no target")
         target = parameters.get("target_m") or (default.target_m if default else None)

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.tools.verify.tasks.live import Messages
 
@@ -26,7 +26,8 @@ class Robot:
     Attributes:
         description, messages: what it was made from.
         model, data: Pinocchio's.
-        G, g0: (m, n) and (m,), of q_pinocchio = G·q + g₀: joints of the wire, and their followers.
+        G, g0: (m, n) and (m,), of q_pinocchio = G·q + g₀: joints of the wire, and their mimic
+            joints.
         positions: joint positions, (n,) [rad or m], in wire order.
     """
 
@@ -34,7 +35,7 @@ class Robot:
         self.description, self._built = description, build_model(description)
         self.messages = messages
         self.model, self.data = self._built.model, self._built.data
-        self.G, self.g0 = follower_matrix(description, self.model)
+        self.G, self.g0 = mimic_matrix(description, self.model)
         self.q, self.positions = np.zeros(self.model.nq), np.zeros(description.n)
         self._v = np.zeros(self.model.nv)
 
@@ -50,7 +51,7 @@ class Robot:
     def moves(self, frame: str, reference: str) -> NDArray[np.bool_]:
         """Whether each joint moves a frame as seen from another, (n,), by how they are linked.
 
-        A joint of the wire does where it or a follower of its does.
+        A joint of the wire does where it or a mimic joint of its does.
         """
         found = np.zeros(self.model.nv, bool)
         for name in (frame, reference):
@@ -184,8 +185,8 @@ class RigidBody:
         robot: whose model is used; its data stay as they are.
 
     Attributes:
-        damping: viscous friction of the URDF, (n,) [N m s/rad or N s/m]; of followers, what their
-            masters feel of it.
+        damping: viscous friction of the URDF, (n,) [N m s/rad or N s/m]; of mimic joints, what
+            their mimicked joints feel of it.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -194,7 +195,7 @@ class RigidBody:
             self._model.gravity.setZero()
         self._adds_gravity = robot.description.gravity == "compensated"
         self._data = self._model.createData()
-        self.damping = (self._G**2).T @ self._model.damping  # d·dq², followers': d·r²·dq²
+        self.damping = (self._G**2).T @ self._model.damping  # d·dq², mimic joints': d·r²·dq²
 
     def at(self, q: Array, dq: Array) -> tuple[Array, Array, Array]:
         """M (n, n), h (n,), and the torques that the robot itself adds to commands, (n,)."""
@@ -208,11 +209,11 @@ class RigidBody:
         return M, h, G.T @ pin.computeGeneralizedGravity(model, data, full)
 
 
-def follower_matrix(description: RobotDescription, model: pin.Model) -> tuple[Array, Array]:
+def mimic_matrix(description: RobotDescription, model: pin.Model) -> tuple[Array, Array]:
     """G and g₀ of q_pinocchio = G·q + g₀.
 
-    A joint of the wire has a single 1 in its row. The row of one that follows is its master's,
-    times the multiplier of its <mimic>, and so is its g₀, to which the offset is added.
+    A joint of the wire has a single 1 in its row. The row of one that follows is its mimicked
+    joint's, times the multiplier of its <mimic>, and so is its g₀, to which the offset is added.
 
     Args:
         description: of the robot.

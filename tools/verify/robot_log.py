@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LogError
-from hoap3.protocol.messages import WIRE_VERSION, Event, State
+from hoap3.protocol.messages import Event, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.disk_rows import DiskRows, parts
 from hoap3.tools.logs.log import Log
@@ -58,7 +58,7 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims, *, hold: b
         claims.unverified("deadlines", 1, f"no description: {error}")
         return
     stamps, epochs, states = array("q"), array("q"), DiskRows()
-    events, whole = RobotEvents(misses_to_stop, claims, old=log.wire_version < WIRE_VERSION), True
+    events, whole = RobotEvents(misses_to_stop, claims), True
     summary: dict[str, Any] = {}
     epoch = stops = 0
     for kind, stamp, payload in log.records():

@@ -39,8 +39,8 @@ def start_positions(run: ControllerRun, parameters: Mapping[str, Any]) -> Array:
 def sent_velocity(run: ControllerRun, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
     """Velocity u of each answer, and how exactly it is known, both (N, n) [rad/s].
 
-    A log of wire version 2 has u itself, as `decision`. In older ones u = (values − start)/T,
-    rounded by up to `ROUNDINGS` ulp of the position.
+    Where a log lacks u itself, the `decision`, u = (values − start)/T, rounded by up to `ROUNDINGS`
+    ulp of the position.
     """
     answers, T = run.answers, run.description.period_s
     start = start_positions(run, parameters)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.errors import DescriptionError, LogError
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both, enclosed_alike
@@ -16,11 +18,36 @@ from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
 from hoap3.tools.verify.controllers.leaving import check_leaving
+from hoap3.tools.verify.forked import Forked, processors
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
 from hoap3.tools.verify.tasks.changes import with_numbers
 from hoap3.tools.verify.tasks.trajectories import with_motions
+
+PARALLEL_FROM = 50_000
+"""States from which on the parts of a verification run in processes of their own."""
+
+
+@dataclass
+class Part:
+    """What one part of a verification found.
+
+    Attributes:
+        claims: of this part.
+        outcomes, not_repeated: as of `Verification`; None where the controller is no part of it.
+        undescribed: why the log's robot cannot be described, "" where it can.
+        unreadable: why the log cannot be read, "" where it can.
+    """
+
+    claims: Claims = field(default_factory=Claims)
+    outcomes: dict[int, dict[str, Any]] = field(default_factory=dict)
+    not_repeated: str | None = None
+    undescribed: str = ""
+    unreadable: str = ""
+
+
+Work = Callable[[Part, Callable[[str], None]], None]
 
 
 @dataclass
@@ -71,6 +98,7 @@ def verify(
     *,
     repeat: bool = False,
     allow_code: bool = False,
+    opened: Mapping[str, Log] | None = None,
 ) -> Verification:
     """Verify the log of a controller, of a robot, or both in the folder of a run.
 
@@ -79,44 +107,120 @@ def verify(
         say: takes progress, for people.
         repeat: also replay the controller, for its summaries, events and session.
         allow_code: import for that what the log names by a dotted path.
+        opened: the logs by side, where they are open already.
 
     Raises:
         LogError: there is no log, or it cannot be read.
     """
-    found, missing, logs = Verification(str(path)), [], {}
-    for side in _sides(path):
-        log = Log.open(path, side=side)
-        logs[log.side] = log
-        say(f"log of the {log.side}")
+    return start(path, say, repeat=repeat, allow_code=allow_code, opened=opened)()
+
+
+def start(
+    path: Path,
+    say: Callable[[str], None] = lambda _: None,
+    *,
+    repeat: bool = False,
+    allow_code: bool = False,
+    opened: Mapping[str, Log] | None = None,
+) -> Callable[[], Verification]:
+    """Start a verification; arguments as for `verify`.
+
+    A long log is verified in several processes, as its parts do not depend on each other: the
+    records of each side, the replay of the controller, and what both sides have.
+
+    Returns:
+        Waits for the result.
+
+    Raises:
+        LogError: there is no log, or it cannot be read.
+    """
+    sides = opened.items() if opened else ((side, None) for side in _sides(path))
+    found = [known or Log.open(path, side=side).load() for side, known in sides]
+    logs = {log.side: log for log in found}
+    parts: list[tuple[str, Work]] = []
+    for side, log in logs.items():
+        parts.append((side, partial(_check_side, log)))
+        if repeat and side == "controller":
+            parts.append((side, partial(_repeat, log, allow_code=allow_code)))
+    parts.append(("", partial(_check_together, logs)))
+    states = sum(log.count(Kind.STATE) for log in found)
+    processes: list[Forked[Part]] = []
+    results: list[Callable[[Callable[[str], None]], Part]]
+    if processors() > 1 and states >= PARALLEL_FROM:
+        processes = [Forked(partial(_judged, path, work)) for _, work in parts]
+        results = [process.result for process in processes]
+    else:
+        results = [partial(_judged, path, work) for _, work in parts]
+
+    def finish() -> Verification:
         try:
-            _check_side(log, found.claims, say)
-            if repeat and log.side == "controller":
-                config = "" if _config(log) is not None else "the log has no config"
-                found.outcomes, found.not_repeated = check_repeated(
-                    log, found.claims, config, allow_code=allow_code
-                )
-        except DescriptionError as error:
-            found.claims.unverified(f"log of the {log.side}", 1, str(error))
-        except NEVER_OURS as error:
-            reason = f"{type(error).__name__}: {error}"
-            raise LogError(f"{path}: holds what no service of ours writes ({reason})") from error
-        if log.missing:
-            missing.append(f"{log.side}: {log.missing}")
+            return _merged(path, logs, parts, results, say)
+        finally:
+            for process in processes:
+                process.end()
+
+    return finish
+
+
+def _merged(
+    path: Path,
+    logs: Mapping[str, Log],
+    parts: Sequence[tuple[str, Work]],
+    results: Sequence[Callable[[Callable[[str], None]], Part]],
+    say: Callable[[str], None],
+) -> Verification:
+    """Wait for the parts, and add them in their order."""
+    whole, undescribed = Verification(str(path)), set[str]()
+    for (side, _), result in zip(parts, results, strict=True):
+        part = result(say)
+        if part.unreadable:
+            raise LogError(part.unreadable)
+        if side in undescribed:  # there is nothing to repeat the controller with
+            continue
+        whole.claims.add(part.claims)
+        if part.undescribed:
+            undescribed.add(side)
+            whole.claims.unverified(f"log of the {side}", 1, part.undescribed)
+        elif part.not_repeated is not None:
+            whole.outcomes, whole.not_repeated = part.outcomes, part.not_repeated
+    lost = (f"{side}: {log.missing}" for side, log in logs.items() if log.missing)
+    whole.missing = "; ".join(lost)
+    return whole
+
+
+def _judged(path: Path, work: Work, say: Callable[[str], None]) -> Part:
+    """Do one part, and keep what it raises about the log."""
+    part = Part()
     try:
-        for name, same in enclosed_alike(logs.values()).items():
-            if same is None:
-                found.claims.unverified(name, 1, "there is nothing to compare it with")
-            else:
-                found.claims.equal(name, 0, float(same), 1.0)
+        work(part, say)
+    except DescriptionError as error:
+        part.undescribed = str(error)
     except NEVER_OURS as error:
-        raise LogError(f"{path}: holds what no service of ours writes ({error})") from error
+        reason = f"{type(error).__name__}: {error}"
+        part.unreadable = f"{path}: holds what no service of ours writes ({reason})"
+    except LogError as error:
+        part.unreadable = str(error)
+    return part
+
+
+def _repeat(log: Log, part: Part, say: Callable[[str], None], *, allow_code: bool) -> None:
+    config = "" if _config(log) is not None else "the log has no config"
+    part.outcomes, part.not_repeated = check_repeated(
+        log, part.claims, config, say, allow_code=allow_code
+    )
+
+
+def _check_together(logs: Mapping[str, Log], part: Part, _: Callable[[str], None]) -> None:
+    for name, same in enclosed_alike(logs.values()).items():
+        if same is None:
+            part.claims.unverified(name, 1, "there is nothing to compare it with")
+        else:
+            part.claims.equal(name, 0, float(same), 1.0)
     if len(logs) == len(SIDES):
-        check_both(logs["robot"], logs["controller"], found.claims)
+        check_both(logs["robot"], logs["controller"], part.claims)
     else:
         other = next(side for side in SIDES if side not in logs)
-        found.claims.unverified("both logs", 1, f"there is no log of the {other}")
-    found.missing = "; ".join(missing)
-    return found
+        part.claims.unverified("both logs", 1, f"there is no log of the {other}")
 
 
 def _sides(path: Path) -> tuple[str | None, ...]:
@@ -127,8 +231,9 @@ def _sides(path: Path) -> tuple[str | None, ...]:
     return there or ("controller",)
 
 
-def _check_side(log: Log, claims: Claims, say: Callable[[str], None]) -> None:
-    config = _config(log)
+def _check_side(log: Log, part: Part, say: Callable[[str], None]) -> None:
+    say(f"log of the {log.side}")
+    config, claims = _config(log), part.claims
     if config is None:
         claims.unverified(f"config of the {log.side}", 1, "the log has none that can be read")
     if "recorded" not in log.metadata.get("run", {}):

@@ -12,14 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.compare.figures import WORDS, figures, findings, value
-from hoap3.tools.compare.series import Series
+from hoap3.tools.compare.figures import WORDS, Series, figures, findings, value
 
 pytestmark = pytest.mark.slow
 
 SPEEDS = st.sampled_from([0.0, 1e-3, -1e-3, 0.999e-3, 0.5, -2.0, 0.25])
 PLACES = st.integers(-1000, 1000).map(lambda place: place / 999)
-VALUES = st.sampled_from([0.0, 2.0, 1.0, 2e-4, 1e-4, 1e-9])
+VALUES = [0.0, 2.0, 1.0, 2e-4, 1e-4, 1e-9]
+
+
+def series_of(status, v, rho, margin, unit="rad/s", **columns) -> Series:
+    tick, psi = np.arange(len(status)), np.zeros(len(status))
+    return Series(tick, columns.pop("time_s"), status, v, psi, rho, margin, columns.pop("inputs"),
+                  unit, **columns)  # fmt: skip
 
 
 @st.composite
@@ -35,14 +40,19 @@ def made_up(draw, k=None, n=3):
         flat = draw(st.lists(values, min_size=size, max_size=size))
         return np.array(flat, float).reshape(k, width)
 
-    return Series(
+    status = column(st.sampled_from(sorted(STATUS.values()))).astype(np.int64)
+    v, rho, margin = (
+        np.where(status == STATUS["none"], np.nan, column(st.sampled_from(values)))
+        for values in (VALUES, [1.0, 0.5, 0.0, -2.0], [1.0, 0.0, -1e-7, -1e-3])
+    )
+    return series_of(
         period_s=period,
         time_s=period * np.arange(k),
         inputs=rows(SPEEDS, n),
-        status=column(st.sampled_from(sorted(STATUS.values()))).astype(np.int64),
-        v=column(VALUES).astype(float),
-        rho=column(st.sampled_from([1.0, 0.5, 0.0, -2.0])).astype(float),
-        margin=column(st.sampled_from([1.0, 0.0, -1e-7, -1e-3])).astype(float),
+        status=status,
+        v=v,
+        rho=rho,
+        margin=margin,
         position=column(st.integers(0, 2)).astype(np.int64),
         speed=column(st.integers(0, 2)).astype(np.int64),
         com_m=rows(PLACES, 3),
@@ -179,7 +189,7 @@ def test_every_word_is_a_figure_and_every_figure_has_its_word(series):
 
 
 def test_what_is_no_speed_has_no_active_joints():
-    series = Series(
+    series = series_of(
         period_s=0.001,
         time_s=np.zeros(1),
         inputs=np.ones((1, 2)),
@@ -200,7 +210,7 @@ def test_what_is_no_speed_has_no_active_joints():
 
 
 def test_a_value_that_is_no_v_is_no_error():
-    series = Series(
+    series = series_of(
         period_s=0.001,
         time_s=np.arange(3) / 1e3,
         inputs=np.zeros((3, 1)),

@@ -13,11 +13,11 @@ from typer.testing import CliRunner
 from hoap3.protocol.errors import ConfigError, Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.cli.compare import compare as command
+from hoap3.tools.cli.measurements import compare as command
 from hoap3.tools.compare.comparison import compare
 from hoap3.tools.logs.log import Log
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run import run_lockstep
-from hoap3.tools.services.services import controller_config, emulator_config
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +29,10 @@ app.command()(command)
 def run(tmp_path_factory):
     """Folder of a third of a second of HOAP-3 with qp12."""
     folder = tmp_path_factory.mktemp("compare") / "run"
-    emulator, controller = emulator_config("hoap3", [])[0], controller_config("qp12_paper", [])[0]
+    emulator, controller = (
+        load_emulator_config("hoap3", [])[0],
+        load_controller_config("qp12_paper", [])[0],
+    )
     run_lockstep(emulator, controller, 0.3, folder)
     return folder
 

@@ -9,10 +9,9 @@ import pytest
 from support.html_page import Page
 
 from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.tools.analysis.document import POLICY
 from hoap3.tools.compare.comparison import compare
-from hoap3.tools.compare.drawings import ROLES, drawings
-from hoap3.tools.compare.page import SECTIONS, page
-from hoap3.tools.html.document import POLICY
+from hoap3.tools.compare.page import ROLES, SECTIONS, drawings, page
 
 PLOTS = ["error", "v", "active", "switching", "control_effort", "certificates"]
 EVIL = "</pre><script>alert(1)</script><img src=x onerror='a()'>\" onload=\"b()"
@@ -119,7 +118,8 @@ def test_more_controllers_than_colours_are_told_apart_by_dashes(made):
 
 def test_controllers_without_certificates_have_no_plot_of_v(made):
     silent = [
-        dataclasses.replace(each, status=each.status * 0 + STATUS["none"]) for each in made.series
+        dataclasses.replace(each, status=each.status * 0 + STATUS["none"], v=each.v * float("nan"))
+        for each in made.series
     ]
     names = [each.name for each in drawings(dataclasses.replace(made, series=silent))]
     assert names == ["active", "switching", "control_effort", "certificates"]

@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UnknownNameError, UsageError
-from hoap3.tools.cli.compare import compare as command
+from hoap3.tools.cli.measurements import compare as command
 from hoap3.tools.compare.comparison import compare
 from hoap3.tools.compare.figures import WORDS, value
 from hoap3.tools.simulate import simulate
@@ -121,9 +121,8 @@ def test_a_comparison_without_findings_ends_with_0_and_has_its_times_apart(tmp_p
     assert [row["label"] for row in written["rows"]] == ["qp12", "few"]
     assert written["rows"][0]["times_first"] == 1.0
     for row in written["rows"]:
-        assert row["step_us"]["n"] == row["solve_us"]["n"] > 0
+        assert row["step_us"]["n"] > 0
         assert 0.0 < row["step_us"]["p50"] <= row["step_us"]["p99"] <= row["step_us"]["max"]
-        assert row["solve_us"]["p50"] <= row["step_us"]["p50"]
     for name in ("compare.json", "compare.html", "compare.csv"):
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert "step_us" not in text

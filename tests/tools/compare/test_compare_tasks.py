@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hoap3.tools.cli.compare import compare as command
+from hoap3.tools.cli.measurements import compare as command
 from hoap3.tools.compare.comparison import compare
 from hoap3.tools.compare.page import page
 
@@ -67,10 +67,10 @@ def test_tasks_are_told_apart_by_name_or_by_v_at_the_start(pair, others):
 
 
 def test_answers_to_the_same_states_need_no_such_note(tmp_path):
+    from hoap3.tools.services.configs import load_controller_config, load_emulator_config
     from hoap3.tools.services.run import run_lockstep
-    from hoap3.tools.services.services import controller_config, emulator_config
 
-    emulator, law = emulator_config("hoap3", [])[0], controller_config("qp12", [])[0]
+    emulator, law = load_emulator_config("hoap3", [])[0], load_controller_config("qp12", [])[0]
     run_lockstep(emulator, law, 0.02, tmp_path / "run")
     made = compare(["qp12", "obstacle"], log=tmp_path / "run", timing=False)
     assert made.other_tasks == made.notes == []

@@ -8,8 +8,7 @@ import pytest
 from support.log_samples import describe
 
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.tools.compare.answers import Answers
-from hoap3.tools.compare.timing import measure
+from hoap3.tools.compare.loops import Answers, time_answers
 
 
 class Clock:
@@ -22,20 +21,16 @@ class Clock:
 class Worker:
     """A controller that works for so long, and notes what it was asked."""
 
-    def __init__(self, clock, name, kinematics_ns, solve_ns, diary):
-        self._clock, self._name, self._diary = clock, name, diary
-        self._kinematics, self._solve = kinematics_ns, solve_ns
+    def __init__(self, clock, name, step_ns, diary):
+        self._clock, self._name, self._step, self._diary = clock, name, step_ns, diary
         self.command = Setpoint(2, 0)
-        self.now = None
 
     def reset(self, state, last_command):
         assert last_command is None
         self._diary.append((self._name, "reset", state.tick))
 
     def step(self, state):
-        self._clock.now += self._kinematics
-        self.command.stamp_kinematics = self.now()
-        self._clock.now += self._solve
+        self._clock.now += self._step
         self._diary.append((self._name, "step", state.tick))
         return self.command
 
@@ -47,32 +42,31 @@ def bench(monkeypatch):
     def bench(durations, counts):
         clock, diary = Clock(), []
         fake = SimpleNamespace(perf_counter_ns=lambda: clock.now)
-        monkeypatch.setattr("hoap3.tools.compare.timing.time", fake)
+        monkeypatch.setattr("hoap3.tools.bench.case_runner.time", fake)
         answers = []
-        for name, ((kinematics, solve), count) in enumerate(zip(durations, counts, strict=True)):
+        for name, (duration, count) in enumerate(zip(durations, counts, strict=True)):
             state, asked = State(2), []
             for tick in range(count):
                 state.tick = tick
                 asked.append(state.dump())
-            worker = Worker(clock, name, kinematics, solve, diary)
+            worker = Worker(clock, name, duration, diary)
             answers.append(Answers(describe(2), worker, None, None, asked, closed_loop=False))
         labels = [str(name) for name in range(len(durations))]
-        return measure(labels, answers), diary
+        return time_answers(labels, answers), diary
 
     return bench
 
 
-def test_steps_and_solves_are_those_that_were_done(bench):
-    found, _ = bench([(1000, 3000), (2000, 8000)], [100, 100])
+def test_steps_take_as_long_as_they_took(bench):
+    found, _ = bench([4000, 10_000], [100, 100])
     first, second = found["rows"]
     assert (first["step_us"]["min"], first["step_us"]["max"]) == (4.0, 4.0)
-    assert (first["solve_us"]["min"], first["solve_us"]["max"]) == (3.0, 3.0)
-    assert (second["step_us"]["p50"], second["solve_us"]["p50"]) == (10.0, 8.0)
+    assert second["step_us"]["p50"] == 10.0
     assert (first["times_first"], second["times_first"]) == (1.0, 2.5)
 
 
 def test_blocks_alternate_and_states_keep_their_order(bench):
-    found, diary = bench([(1, 1), (1, 1)], [45, 50])
+    found, diary = bench([2, 2], [45, 50])
     assert found["blocks"] == 4
     assert [each for each in diary if each[1] == "reset"] == [(0, "reset", 0), (1, "reset", 0)]
     steps = [(name, tick) for name, what, tick in diary if what == "step"]
@@ -86,7 +80,7 @@ def test_blocks_alternate_and_states_keep_their_order(bench):
 
 @pytest.mark.parametrize("count", [0, 1, 3, 9])
 def test_a_few_answers_are_enough(bench, count):
-    found, _ = bench([(1, 1), (1, 3)], [count, 9])
+    found, _ = bench([2, 4], [count, 9])
     for row in found["rows"]:
         assert row["step_us"]["n"] == max(0, count - min(3, max(0, count - 1)))
     assert (found["rows"][1]["times_first"] is None) == (count == 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hoap3.tools.compare.comparison import compare
-from hoap3.tools.compare.words import unit
+from hoap3.tools.compare.page import unit
 
 POSTURE = "clik_sdp@tasks=[{task: posture}]"
 

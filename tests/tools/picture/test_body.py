@@ -8,7 +8,7 @@ import pytest
 from support.robots.following_arm import following
 
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.picture.body import Body, from_quaternion
+from hoap3.tools.picture.body import Body
 from hoap3.tools.picture.camera import Camera
 
 
@@ -67,7 +67,7 @@ def test_without_a_free_base_the_base_frame_is_the_worlds_origin(name):
     assert ours == pytest.approx(apart, abs=1e-12)
 
 
-def test_followers_move_with_their_masters():
+def test_mimic_joints_move_with_their_masters():
     description = following()
     body = Body(description)
     still, moved = (body.place(np.full(description.n, value)) for value in (0.0, 0.02))
@@ -94,11 +94,15 @@ def test_corners_move_with_their_links():
         )
 
 
-def test_a_quaternion_is_that_of_pinocchio_and_zero_turns_nothing():
-    for given in np.random.default_rng(0).normal(size=(5, 4)):
-        unit = pin.Quaternion(given / np.linalg.norm(given))
-        assert from_quaternion(given) == pytest.approx(unit.matrix(), abs=1e-14)
-    assert from_quaternion(np.zeros(4)) == pytest.approx(np.eye(3))
+def test_a_quaternion_may_have_any_length_and_zero_turns_nothing():
+    description = load("hoap3")
+    body, root = Body(description), description.frames.index(description.structure.root)
+    for given in (*np.random.default_rng(0).normal(size=(5, 4)), np.zeros(4)):
+        placed = body.place(description.initial_position, np.array([0.1, 0.2, 0.3, *given]))
+        length = np.linalg.norm(given)
+        turn = pin.Quaternion(given / length).matrix() if length else np.eye(3)
+        assert placed.rotations[root] == pytest.approx(turn, abs=1e-14)
+        assert placed.origins[root] == pytest.approx([0.1, 0.2, 0.3], abs=1e-14)
 
 
 def test_a_camera_sees_all_points_and_keeps_away_from_the_edge():

@@ -9,14 +9,13 @@ import pytest
 from support.html_page import Page
 
 from docs.pictures.readme.canvas import Canvas
+from hoap3.remote_controller.constraints.support.polygon import hull
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.html.palette import COLOURS
 from hoap3.tools.picture.body import Body
-from hoap3.tools.picture.flat import Flat
-from hoap3.tools.picture.floor import Floor, hull
-from hoap3.tools.picture.marks import Marks
+from hoap3.tools.picture.marks import Floor, Marks
+from hoap3.tools.picture.palette import COLOURS
 from hoap3.tools.picture.stage import Stage
-from hoap3.tools.picture.svg import FINE, svg
+from hoap3.tools.picture.svg import FINE, Flat, svg
 
 SQUARE = np.array([[10.0, 10.0], [40.0, 10.0], [40.0, 30.0], [10.0, 30.0]])
 
@@ -133,7 +132,7 @@ def test_marks_are_seen_through_the_robot_and_a_plumb_line_ends_on_the_floor():
         plumb=True,
     )
     stage = Stage.around(body, [placement], [marks], (300, 300), 10)
-    drawn = stage.paint(placement, marks, 1000)
+    drawn = stage.paint(placement, marks)
     last_face = max(k for k, each in enumerate(drawn) if each.role.startswith("body"))
     over = [each.form for each in drawn[last_face + 1 :] if not each.role.startswith("body")]
     assert over == ["loop", "line", "dash", "dot", "ring", "cross", "dot", "dot"]
@@ -149,7 +148,7 @@ def test_a_robot_without_shapes_is_drawn_by_its_bones():
     body = Body(description, solids=[])
     placement = body.place(description.initial_position)
     stage = Stage.around(body, [placement], [], (300, 300), 10)
-    lines = [each for each in stage.paint(placement, Marks(), 100) if each.role == "soft"]
+    lines = [each for each in stage.paint(placement, Marks()) if each.role == "soft"]
     assert len(lines) == len(description.structure.joints)
     ends = stage.camera.project(placement.origins)
     for line, joint in zip(lines, description.structure.joints, strict=True):

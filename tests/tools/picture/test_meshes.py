@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from support.log_samples import describe
 
-from hoap3.tools.picture.body import Body
-from hoap3.tools.picture.faces import faces_of
 from hoap3.tools.picture.meshes import coarser, dressed
+from hoap3.tools.picture.solids import faces_of
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -69,8 +68,6 @@ def test_a_mesh_of_a_folder_is_in_its_place_and_turns_outwards(scale, tmp_path):
     assert corners.max(axis=0) == pytest.approx([x[1], 1.0, 1.5])
     volume = sum(float(face.corners[0] @ face.normal) for face in faces) / 6.0
     assert volume == pytest.approx(2.0 / 6.0)
-    drawn = Body(robot, 100, [solid])
-    assert all(not face.convex for face in drawn.faces(drawn.place(np.zeros(1))))
 
 
 def test_without_a_folder_or_with_that_of_another_robot_no_mesh_is_drawn(tmp_path):

@@ -10,8 +10,7 @@ from support.log_samples import describe
 
 from hoap3.robot_emulator.robots import available, load
 from hoap3.tools.picture.body import SIDES, Body
-from hoap3.tools.picture.faces import faces_of
-from hoap3.tools.picture.solids import Solid, solids_of
+from hoap3.tools.picture.solids import Solid, faces_of, solids_of
 
 ROUND = 64
 
@@ -44,15 +43,6 @@ def test_faces_are_closed_turn_outwards_and_hold_what_the_shape_holds(sides):
 def test_many_sides_make_it_round():
     ball = volume(faces_of(solid("sphere", 0.1), ROUND))
     assert ball == pytest.approx(4.0 / 3.0 * math.pi * 1e-3, rel=1e-2)
-
-
-@pytest.mark.parametrize("kind", ["box", "cylinder", "sphere", "capsule"])
-def test_no_corner_is_further_away_than_the_shape_reaches(kind):
-    sizes = {"box": (0.1, 0.2, 0.3), "sphere": (0.2,)}.get(kind, (0.2, 0.6))
-    shape = solid(kind, *sizes)
-    corners = np.concatenate([face.corners for face in faces_of(shape, ROUND)])
-    away = np.linalg.norm(corners - shape.center, axis=1).max()
-    assert away == pytest.approx(shape.reach, rel=1e-9)
 
 
 def with_shapes(shapes: str, tag: str = "visual"):

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from hoap3.protocol.robot import viability_bounds_reference as reference
+from hoap3.protocol.limits import viability_bounds_oracle as reference
 from hoap3.remote_controller.registry import find
-from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.tools.verify.controllers.acceleration import (
     ghc,
@@ -62,7 +61,7 @@ def test_priorities_and_weights_move_as_the_products_do(seed: int) -> None:
     weights = {"weights": {"b": 0.2}, "timeline": moves}
     ours = schedule.Priorities(names, order), schedule.Weights(names, weights)
     theirs = (
-        Priorities.configured(names, PrioritySettings.model_validate(order)),
+        Priorities(names, PrioritySettings.model_validate(order)),
         Weights(names, WeightSettings.model_validate(weights)),
     )
     live = rng.uniform(0.0, 0.1)

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.command_bench import inside
-from tampering import changed_field, rewrite
+from tampering import changed_field, ran, rewrite
 
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.report import motion
+from hoap3.tools.analysis.report.content import read_content
 from hoap3.tools.logs import disk_rows
 from hoap3.tools.logs.log import Log
-from hoap3.tools.report import motion
-from hoap3.tools.report.content import read_content
 from hoap3.tools.verify.verify import verify
 
 RUNS = {
@@ -34,9 +33,7 @@ def slow(value: int) -> Any:
 
 @pytest.fixture(scope="module", params=RUNS)
 def story(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("story") / "run"
-    inside("run", "--lockstep", *RUNS[request.param], "--duration", "0.3", "--out", folder)
-    return folder
+    return ran(tmp_path_factory.mktemp("story") / "run", *RUNS[request.param], seconds=0.3)
 
 
 def in_parts(path: Path, part: int, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
@@ -49,9 +46,7 @@ def in_parts(path: Path, part: int, monkeypatch: pytest.MonkeyPatch) -> dict[str
 
 
 @pytest.mark.parametrize("part", [*map(slow, (1, 7)), 100, slow(299)])
-def test_parts_of_any_size_come_to_the_same(
-    story: Path, part: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_of_any_size_come_to_the_same(story, part, monkeypatch):
     whole = in_parts(story, 1_000_000, monkeypatch)
 
     assert whole["verdict"] == "true"
@@ -61,8 +56,8 @@ def test_parts_of_any_size_come_to_the_same(
 @pytest.mark.parametrize("part", [*map(slow, (1, 7)), 100])
 @pytest.mark.parametrize("place", [0, slow(1), slow(98), 99, 100, 101, slow(102), 298])
 def test_what_is_false_is_found_beside_the_edge_of_a_part(
-    story: Path, part: int, place: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    story, part, place, tmp_path, monkeypatch
+):
     moved = changed_field(Kind.STATE, place, "reference", lambda q: q + 1e-2, joint=1)
     path = rewrite(story, "robot", tmp_path / "o", moved)
     whole = in_parts(path, 1_000_000, monkeypatch)
@@ -87,16 +82,13 @@ def messages(path: Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("what", [verify, read_content])
-def test_much_less_is_held_than_the_logs_have(
-    what: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_much_less_is_held_than_the_logs_have(what, tmp_path, monkeypatch):
     monkeypatch.setattr(disk_rows, "PART", 1000)
     monkeypatch.setattr(motion, "MOST_POINTS", 1000)
-    paths = []
-    for seconds in (SHORT_S, LONG_S):
-        paths.append(tmp_path / str(seconds))
-        words = "--duration", str(seconds), "--out", paths[-1]
-        inside("run", "--controller", "qp12", "--lockstep", *words)
+    paths = [
+        ran(tmp_path / str(seconds), "--controller", "qp12", seconds=seconds)
+        for seconds in (SHORT_S, LONG_S)
+    ]
     what(paths[0])  # what is loaded once for all
     tracemalloc.start()
     try:

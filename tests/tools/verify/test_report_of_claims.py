@@ -7,19 +7,17 @@ from pathlib import Path
 import pytest
 from support.command_bench import inside
 from support.html_page import Page
-from tampering import changed_field, rewrite
+from tampering import changed_field, ran, rewrite
 
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.report.content import read_content
-from hoap3.tools.report.page import page
+from hoap3.tools.analysis.report.content import read_content
+from hoap3.tools.analysis.report.page import page
 
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short run of qp12 in lockstep."""
-    folder = tmp_path_factory.mktemp("story") / "run"
-    inside("run", "--lockstep", "--duration", "0.1", "--out", folder)
-    return folder
+    return ran(tmp_path_factory.mktemp("story") / "run")
 
 
 def test_a_true_log_is_called_so_with_its_counts(story):

@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 from support import HOUSE
 from support.command_bench import inside
-from tampering import Change, rewrite
+from tampering import config_of, rewrite
+from tampering import ran as ran_with
 
 from hoap3.protocol.errors import ConfigError, LogError
 from hoap3.tools.logs.log import Log
-from hoap3.tools.logs.motion_files import FOLDER, enclosed, reopened
-from hoap3.tools.logs.motions import motion_of
+from hoap3.tools.logs.motion_files import FOLDER, enclosed, motion_of, reopened
 from hoap3.tools.replay import replay
-from hoap3.tools.services.services import controller_config
+from hoap3.tools.services.configs import load_controller_config
 from hoap3.tools.verify.verify import verify
 
 CSV = "t,elbow_joint,elbow_joint/velocity\n0,1.6,0\n0.05,1.61,0.2\n0.1,1.62,0\n"
 NAME = f"{FOLDER}points.csv"
-SAME: Change = lambda records: records  # noqa: E731
 
 
 def config(folder: Path, controller: str, **target: object) -> Path:
@@ -38,9 +37,9 @@ def ran(folder: Path, controller: str, **target: object) -> Path:
     points = folder / "points.csv"
     points.write_text(CSV)
     given = "--robot", "ur5", "--controller", config(folder, controller, **target)
-    inside("run", "--lockstep", *given, "--duration", "0.18", "--out", folder / "run")
+    run = ran_with(folder / "run", *given, seconds=0.18)
     points.unlink()
-    return folder / "run"
+    return run
 
 
 @pytest.mark.slow
@@ -65,11 +64,10 @@ def test_a_log_replays_and_is_true_without_the_file(controller, target, tmp_path
 @pytest.mark.slow
 def test_other_points_make_its_claims_false_and_its_replay_another(tmp_path):
     log = ran(tmp_path, "clik_sdp")
-    for number, points in enumerate(
-        [CSV.replace("1.61", "1.610001"), CSV.replace("0.1,", "0.11,")]
-    ):
+    changed = CSV.replace("1.61", "1.610001"), CSV.replace("0.1,", "0.11,")
+    for number, points in enumerate(changed):
         out = tmp_path / f"other{number}"
-        rewrite(log, "controller", out, SAME, enclosed={NAME: points.encode()})
+        rewrite(log, "controller", out, list, enclosed={NAME: points.encode()})
         assert verify(out).verdict == "false"
         assert not replay(out, []).identical
 
@@ -77,10 +75,10 @@ def test_other_points_make_its_claims_false_and_its_replay_another(tmp_path):
 @pytest.mark.slow
 def test_a_tolerance_that_was_not_the_config_s_makes_its_claims_false(tmp_path):
     log = ran(tmp_path, "clik_sdp", path_tolerance=1e-8)
-    given = Log.open(log, side="controller").config
+    given = config_of(log)
     other = given.replace("1.0e-08", "1.0").encode()
     assert other != given.encode()
-    rewrite(log, "controller", tmp_path / "other", SAME, config=other)
+    rewrite(log, "controller", tmp_path / "other", list, config=other)
     assert verify(tmp_path / "other").verdict == "false"
 
 
@@ -96,10 +94,10 @@ def test_what_a_log_does_not_enclose_is_refused():
 def test_no_file_is_read_on_the_word_of_a_log(tmp_path):
     log = ran(tmp_path, "clik_sdp")
     (tmp_path / "run" / "points.csv").write_text(CSV)
-    given = Log.open(log, side="controller").config.replace("points.csv", "else.csv").encode()
+    given = config_of(log).replace("points.csv", "else.csv").encode()
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "else.csv").write_text(CSV)
-    rewrite(log, "controller", tmp_path / "other", SAME, config=given)
+    rewrite(log, "controller", tmp_path / "other", list, config=given)
     with pytest.raises(LogError):
         replay(tmp_path / "other", [])
     assert verify(tmp_path / "other").verdict == "not verified"
@@ -122,7 +120,7 @@ def test_a_log_is_played_back_as_it_was(tmp_path):
     (tmp_path / "again").mkdir()
     path = config(tmp_path, "clik_sdp", file="run", played="applied", played_every_s=0.005)
     given = "--robot", "ur5", "--controller", path
-    inside("run", "--lockstep", *given, "--duration", "0.3", "--out", tmp_path / "again")
+    ran_with(tmp_path / "again", *given, seconds=0.3)
     again = Log.open(tmp_path / "again", side="robot").states()["q"][:, 2]
     elbow = states["q"][:, 2]
     np.testing.assert_allclose(again[41:200], elbow[1:160], rtol=0, atol=2e-5)
@@ -134,14 +132,14 @@ def test_what_is_no_log_is_refused_by_its_key(tmp_path):
     (tmp_path / "points.csv").write_text(CSV)
     for name in ("none", "a.mcap"):
         with pytest.raises(ConfigError) as caught:
-            controller_config(str(config(tmp_path, "clik_sdp", file=name)), [])
+            load_controller_config(str(config(tmp_path, "clik_sdp", file=name)), [])
         assert name in str(caught.value)
 
 
 def test_a_config_is_written_as_its_author_wrote_it(tmp_path):
     (tmp_path / "points.csv").write_text(CSV)
     path = config(tmp_path, "clik_sdp")
-    settings, file = controller_config(str(path), [])
+    settings, file = load_controller_config(str(path), [])
     assert json.dumps(settings.parameters).count("0.1,1.62") == 1
     assert enclosed(settings, file) == settings
     shown = inside("config", "show", path).stdout

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
-from support.command_bench import inside
-from tampering import Change, changed_field, rewrite
+from tampering import SETPOINT, STATE, Change, changed_field, config_of, ran, rewrite
 
 from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.messages import State
-from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.logs.log import Log
+from hoap3.protocol.runtime.shm_ring import Record
 from hoap3.tools.verify.verify import verify
 
-STATE, SETPOINT = Kind.STATE, Kind.SETPOINT
 N, BASE = 21, 6
 PAIRS = {
     "tsid": ("hoap3_standing_torque", "tsid_standing"),
@@ -30,22 +28,18 @@ every_pair = pytest.mark.parametrize(
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The log of a pair, made once."""
-    found: dict[str, Path] = {}
 
+    @cache
     def get(name: str) -> Path:
-        if name not in found:
-            robot, controller = PAIRS[name]
-            folder = tmp_path_factory.mktemp("story") / "run"
-            given = "--robot", robot, "--controller", controller, "--duration", 0.05
-            assert inside("run", "--lockstep", *given, "--out", folder).code in {0, 1}
-            found[name] = folder
-        return found[name]
+        robot, controller = PAIRS[name]
+        folder = tmp_path_factory.mktemp("story") / "run"
+        return ran(folder, "--robot", robot, "--controller", controller, seconds=0.05)
 
     return get
 
 
 @every_pair
-def test_a_true_log_has_nothing_false(name: str, story: Callable[[str], Path]) -> None:
+def test_a_true_log_has_nothing_false(name, story):
     found = verify(story(name))
 
     assert found.claims.by_tick() == []
@@ -70,7 +64,7 @@ CHANGES: dict[str, Change] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAIRS)
-def test_what_is_changed_is_found(name: str, story: Callable[[str], Path], tmp_path: Path) -> None:
+def test_what_is_changed_is_found(name, story, tmp_path):
     for kind, change in CHANGES.items():
         path = rewrite(story(name), "controller", tmp_path / kind, change)
 
@@ -91,19 +85,15 @@ def lifted(records: list[Record]) -> list[Record]:
     return found
 
 
-def test_nothing_is_certified_on_a_sole_that_carries_nothing(
-    story: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_nothing_is_certified_on_a_sole_that_carries_nothing(story, tmp_path):
     found = verify(rewrite(story("ghc"), "controller", tmp_path, lifted))
 
     assert found.claims.counts["certified: soles carry"].false == 50 - 10  # ms
 
 
 @pytest.mark.parametrize(("key", "value"), [("friction", 1e-3), ("damping_per_s", 1e3)])
-def test_other_contacts_in_the_config_are_found(
-    key: str, value: float, story: Callable[[str], Path], tmp_path: Path
-) -> None:
-    config = parse_yaml(Log.open(story("ghc"), side="controller").config, "config")
+def test_other_contacts_in_the_config_are_found(key, value, story, tmp_path):
+    config = parse_yaml(config_of(story("ghc")), "config")
     config["parameters"]["contacts"][key] = value
     text = json.dumps(config).encode()
 

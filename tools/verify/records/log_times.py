@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 from hoap3.protocol.errors import Hoap3Error
-from hoap3.protocol.messages import WIRE_VERSION, Event, State
+from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
-from hoap3.tools.machine.software import in_words
+from hoap3.tools.machine.machine import in_words
 from hoap3.tools.verify.claims import RELATIVE, Claims
 
 NAMES = {number: name for name, number in Event.schema.constants.items() if "REASON" not in name}
@@ -65,7 +66,12 @@ class Records(Recorder):
 
 
 def check_repeated(
-    log: Log, claims: Claims, config: str = "", *, allow_code: bool = False
+    log: Log,
+    claims: Claims,
+    config: str = "",
+    say: Callable[[str], None] = lambda _: None,
+    *,
+    allow_code: bool = False,
 ) -> tuple[Summaries, str]:
     """Replay the log of a controller, and compare what it records.
 
@@ -73,6 +79,7 @@ def check_repeated(
         log: of a controller.
         claims: takes what was compared, and what could not be.
         config: why the log has no config, "" where it has one.
+        say: takes progress.
         allow_code: import what the log names by a dotted path.
 
     Returns:
@@ -88,8 +95,7 @@ def check_repeated(
     why = config or ("" if log.from_begin else "the begin of the log is missing")
     try:
         if not why:
-            path = log.paths[0].parent if len(log.paths) > 1 else log.paths[0]
-            report = replay(path, [], allow_code=allow_code, repeated=again)
+            report = replay(log, [], say=say, allow_code=allow_code, repeated=again)
     except Hoap3Error as error:
         why = "" if any("FAILED" in name for name, _, _ in again.counts) else str(error)
         report = None
@@ -97,7 +103,7 @@ def check_repeated(
         claims.unverified("summary and events of the controller", 1, why)
         return {}, why
     whole, others = whole and not log.missing, in_words(report.software) if report else ""
-    found, old = Claims(), log.wire_version < WIRE_VERSION or bool(others)
+    found, old = Claims(), bool(others)
     if report is not None and report.same < report.setpoints:
         others = others or "the replay differs"
     _compare(logged, again, found, whole=whole, old=old)

@@ -41,16 +41,15 @@ class RobotEvents:
     Args:
         misses_to_stop: misses in a row that end in a safe stop; None where it is not known.
         claims: takes what was compared.
-        old: whether the log lacks requests.
     """
 
-    def __init__(self, misses_to_stop: int | None, claims: Claims, *, old: bool = False) -> None:
+    def __init__(self, misses_to_stop: int | None, claims: Claims) -> None:
         self._limit, self._claims = misses_to_stop, claims
         self._mode, self._skipped, self._tick, self._stopped = State.IDLE, 0, 0, 0
         self._events: list[tuple[str, int, int]] = []
         self._served = Counter[str]()
         self._totals = Counter[str]()
-        self._limited, self._epochs = old, set[int]()
+        self._limited, self._epochs = False, set[int]()
 
     def event(self, payload: bytes) -> None:
         """Take an event."""

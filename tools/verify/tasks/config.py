@@ -8,8 +8,8 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import COM, DefaultTask, RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.live import (
@@ -41,15 +41,9 @@ from hoap3.tools.verify.tasks.trajectories import TRAJECTORY, trajectory_of
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
 
-FORMER_KINDS = {"position": "frame_position", "pose": "frame_pose", "posture": "posture"}
-"""Tasks by what `kind` called them before 0.2; their settings stood beside the gains then."""
-
-HOAP3S = DefaultTask(point=COM, reference="r_sole", target_m=(0.01, 0.025, 0.2869))
-"""What HOAP-3 did before descriptions had a default task."""
-
 
 def task_of(entry: Settings, robot: Robot) -> AnyTask:
-    """The task of an entry `{task: …, parameters: …}`, or of the form before 0.2.
+    """The task of an entry `{task: …, parameters: …}`.
 
     Args:
         entry: of the config; further keys, such as gains, are left alone.
@@ -58,7 +52,6 @@ def task_of(entry: Settings, robot: Robot) -> AnyTask:
     Raises:
         UnverifiableError: what cannot be recomputed, with the reason.
     """
-    entry = in_todays_words(entry)
     name, parameters = entry.get("task"), entry.get("parameters") or {}
     if name not in BUILDERS:
         raise UnverifiableError(f"task {name!r:.60} is not known")
@@ -77,8 +70,6 @@ def default_entry(description: RobotDescription) -> Settings:
         UnverifiableError: it has none.
     """
     task = description.default_task
-    if task is None and description.name == "hoap3" and HOAP3S.reference in description.frames:
-        task = HOAP3S
     if task is None:
         raise UnverifiableError("the log names no task")
     place = task.target_m
@@ -92,22 +83,6 @@ def default_entry(description: RobotDescription) -> Settings:
         return {"task": "com", "parameters": {"frame": task.reference, "target": target}}
     frames = {"frame": task.point, "reference": task.reference}
     return {"task": "frame_position", "parameters": {**frames, "target": target}}
-
-
-def in_todays_words(entry: Settings) -> Settings:
-    """An entry with `kind`, of before 0.2, as it is written today; others as they are."""
-    if "kind" not in entry:
-        return entry
-    kept = {key: entry[key] for key in ("name", "kp", "kd") if key in entry}
-    given = {key: value for key, value in entry.items() if key not in {*kept, "kind"}}
-    goal = dict(given.pop("goal", None) or {})
-    if "position_m" in goal:
-        goal["target"] = {"kind": "point", "position_m": goal.pop("position_m")}
-    given |= goal
-    kind = entry["kind"]
-    if kind == "posture" and "posture_rad" in given:
-        given["target_rad"] = given.pop("posture_rad")
-    return {**kept, "task": FORMER_KINDS.get(kind, kind), "parameters": given}
 
 
 def posture_of(description: RobotDescription, name: str | None, values: Sequence[float]) -> Array:

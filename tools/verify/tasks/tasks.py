@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import COM
+from hoap3.protocol.robot.description import COM
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.logarithm import (
     angular_velocity,

@@ -8,15 +8,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from support.command_bench import inside
-from tampering import rewrite
+from tampering import ran, rewrite
 
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.logs.log import Log
-from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.simulate import Lockstep
 
 SIDES = ("robot", "controller")
 NAMES = {number: name for name, number in Event.schema.constants.items() if "REASON" not in name}
@@ -35,24 +35,20 @@ Places = Callable[[list[Record], random.Random], Any]
 
 def plain(out: Path) -> Path:
     """QP12 on HOAP-3."""
-    inside("run", "--lockstep", "--duration", "0.15", "--out", out)
-    return out
+    return ran(out, seconds=0.15)
 
 
 def missing_deadlines(out: Path) -> Path:
     """Every answer is late until the robot stops safely."""
     slow = "emulator.lockstep.compute_time_us=1500", "emulator.misses_to_stop=50"
-    sets = [part for each in slow for part in ("--set", each)]
-    inside("run", "--lockstep", "--duration", "0.15", "--out", out, *sets)
-    return out
+    return ran(out, sets=slow, seconds=0.15)
 
 
 def changed_live(out: Path) -> Path:
     """`clik_sdp` on a UR5, with changes while it runs and conditions that begin and end."""
     shell = out.parent / "shell"
     law, start = "clik_sdp_writing", "emulator.posture=outstretched"
-    given = "--robot", "ur5", "--controller", law, "--duration", "0.05", "--set", start
-    inside("run", "--lockstep", *given, "--out", shell)
+    ran(shell, "--robot", "ur5", "--controller", law, sets=[start], seconds=0.05)
     requests: dict[int, dict[str, Any]] = {40: {"beta_per_s": 5.0}, 80: {"delta": 1e-4}}
 
     def change(loop: ControllerLoop) -> None:
@@ -62,8 +58,8 @@ def changed_live(out: Path) -> Path:
 
     recorders = {side: MemoryRecorder() for side in SIDES}
     run = Lockstep(
-        emulator_settings({"robot": "ur5", "posture": "outstretched"}, 0),
-        controller_settings(law),
+        load_emulator_config({"robot": "ur5", "posture": "outstretched"}, seed=0)[0],
+        load_controller_config(law)[0],
         *recorders.values(),
         steer=change,
     )
@@ -93,9 +89,8 @@ def _field(message: Any, record: Record, field: str, by: int) -> Record:
 def changes(run: Path, side: str) -> Iterator[tuple[str, Places]]:
     """Kinds of changes of one side of a run; each changes records in place, by a random number."""
     records = list(Log.open(run, side=side).records())
-    events = {
-        NAMES[Event.scalars(records[n].payload, "kind")[0]] for n in _places(records, Kind.EVENT)
-    }
+    places = _places(records, Kind.EVENT)
+    events = {NAMES[Event.scalars(records[n].payload, "kind")[0]] for n in places}
 
     def removing(kind: Kind, name: str = "") -> Places:
         def change(records: list[Record], rng: random.Random) -> None:
@@ -178,10 +173,10 @@ def _leaves(content: Any) -> Iterator[tuple[Any, Any]]:
 def _other(value: Any, rng: random.Random) -> Any:
     if isinstance(value, bool):
         return not value
-    if isinstance(value, int | float):
-        return (
-            value + 1 if isinstance(value, int) else value * (1.0 + 1e-3) + rng.choice((0.0, 1.0))
-        )
+    if isinstance(value, int):
+        return value + 1
+    if isinstance(value, float):
+        return value * (1.0 + 1e-3) + rng.choice((0.0, 1.0))
     if value is None:
         return {"least": 1.0, "tolerance": 0.1, "of": "", "unit": ""}
     return {"x": 1} if isinstance(value, dict) else [1] if isinstance(value, list) else value + "x"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from tampered_kinds import LOGS, SIDES, changes
-from tampering import rewrite
+from tampering import Change, rewrite
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind, Record
@@ -17,6 +17,21 @@ from hoap3.tools.replay import replay
 from hoap3.tools.verify.verify import verify
 
 FOUND = {"false", "not verified", "error"}
+
+
+@pytest.fixture
+def run(tmp_path):
+    return LOGS["plain"](tmp_path / "run")
+
+
+def changed(run: Path, side: str, change: Change) -> Path:
+    """A copy of a run beside it, with one log changed."""
+    folder = run.parent / "changed"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(run, folder)
+    (folder / f"{side}.mcap").unlink()
+    rewrite(run, side, folder, change)
+    return folder
 
 
 def _verdict(folder: Path) -> str:
@@ -48,37 +63,25 @@ def test_each_change_is_found(log: str, kinds: int, places: int, tmp_path: Path)
                     change(records, rng)  # noqa: B023
                     return records
 
-                folder = tmp_path / "changed"
-                shutil.copytree(run, folder)
-                (folder / f"{side}.mcap").unlink()
-                rewrite(run, side, folder, altered)
-                table[kind, _verdict(folder) in FOUND] += 1
-                shutil.rmtree(folder)
+                table[kind, _verdict(changed(run, side, altered)) in FOUND] += 1
     for kind in sorted({kind for kind, _ in table}):
         print(f"{kind:<60}{table[kind, True]:>4} / {table[kind, True] + table[kind, False]}")
     assert [kind for kind, found in table if not found] == []
 
 
-def test_a_config_without_a_record_of_the_other_side_is_not_verified(tmp_path: Path) -> None:
-    run, folder = LOGS["plain"](tmp_path / "run"), tmp_path / "changed"
-    shutil.copytree(run, folder)
-    (folder / "robot.mcap").unlink()
-    rewrite(run, "robot", folder, lambda found: [r for r in found if r.kind != Kind.CONFIG])
+def test_a_config_without_a_record_of_the_other_side_is_not_verified(run):
+    folder = changed(run, "robot", lambda found: [r for r in found if r.kind != Kind.CONFIG])
     found = verify(folder, repeat=True)
     assert found.verdict == "not verified"
     assert found.claims.counts["config of the controller"].unverified
 
 
-def test_setpoints_missing_from_the_log_are_counted(tmp_path: Path) -> None:
-    run, folder = LOGS["plain"](tmp_path / "run"), tmp_path / "changed"
-    shutil.copytree(run, folder)
-    (folder / "controller.mcap").unlink()
-
+def test_setpoints_missing_from_the_log_are_counted(run):
     def shortened(records: list[Record]) -> list[Record]:
         places = [i for i, r in enumerate(records) if r.kind == Kind.SETPOINT][10:60]
         return [r for i, r in enumerate(records) if i not in places]
 
-    rewrite(run, "controller", folder, shortened)
+    folder = changed(run, "controller", shortened)
     report = replay(folder, [])
     assert (report.absent, report.passed) == (50, False)
     assert report.same == report.setpoints

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.model_reference import cross_matrix
 from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
@@ -53,26 +53,19 @@ SUM = [
     {"weight": 3.0, "task": "com", "parameters": {"target": POINT}},
     {"weight": 0.5, "task": "frame_pose", "parameters": {**HAND, **TURN, "target": CIRCLE}},
 ]
+ZX, WEIGHTS = {"axes": ["z", "x"], "weights": [1.0, 3.0]}, {"weights": [1.0, 2.0, 0.5]}
 CASES = {
     "com": ("hoap3", "com", {"frame": "l_sole", "target": EIGHT, "weights": [1.0, 2.0, 0.0]}),
     "com that stays": ("humanoid32", "com", {"frame": "r_sole"}),
     "hand": ("hoap3", "frame_position", {**HAND, "target": CIRCLE}),
     "tool": ("ur5", "frame_position", {**TOOL, "target": EVEN}),
     "elbow": ("lwr", "frame_position", {"frame": "elbow", "target": TIMED}),
-    "hand's z and x": (
-        "hoap3",
-        "frame_position",
-        {**HAND, "target": CIRCLE, "axes": ["z", "x"], "weights": [1.0, 3.0]},
-    ),
+    "hand's z and x": ("hoap3", "frame_position", {**HAND, **ZX, "target": CIRCLE}),
     "hand pose": ("hoap3", "frame_pose", {**HAND, **TURN, "target": CIRCLE}),
     "tool pose": ("ur5", "frame_pose", {**TOOL, **TURN, "target": EVEN, "weights": [2.0]}),
     "pose of a posture": ("baxter_left_arm", "frame_pose", {"frame": "left_gripper"}),
     "pose that stays": ("humanoid32", "frame_pose", {"frame": "head"}),
-    "hand orientation": (
-        "hoap3",
-        "frame_orientation",
-        {**HAND, **TURN, "weights": [1.0, 2.0, 0.5]},
-    ),
+    "hand orientation": ("hoap3", "frame_orientation", {**HAND, **TURN, **WEIGHTS}),
     "orientation that stays": ("ur5", "frame_orientation", TOOL),
     "posture": ("hoap3", "posture", {"posture": "walk_ready", "approach_s": 1.0}),
     "some joints": (
@@ -202,9 +195,8 @@ def test_the_logarithm_is_exact_at_every_angle(angle: float) -> None:
     np.testing.assert_allclose(e[3:], angle * axis, atol=1e-9)
 
     def twisted(vector):
-        return np.vstack(
-            [np.hstack([cross_matrix(vector[3:]), vector[:3, None]]), np.zeros((1, 4))]
-        )
+        top = np.hstack([cross_matrix(vector[3:]), vector[:3, None]])
+        return np.vstack([top, np.zeros((1, 4))])
 
     np.testing.assert_allclose(expm(twisted(e))[:3], np.hstack([R, t[:, None]]), atol=1e-9)
     if angle < 3.0:

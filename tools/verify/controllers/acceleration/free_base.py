@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial import HalfspaceIntersection
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import schema
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.hierarchy import reset_of
@@ -117,7 +117,10 @@ def check_free_base(run: ControllerRun, parameters: Mapping[str, Any], claims: C
     robot = run.description
     n, soles = robot.n, len(robot.soles)
     answers, states = run.answers, run.answered_states
-    if robot.structure.followers or answers["decision"].shape[1] != BASE + 2 * n + WRENCH * soles:
+    if (
+        robot.structure.mimic_joints
+        or answers["decision"].shape[1] != BASE + 2 * n + WRENCH * soles
+    ):
         claims.unverified("certificate", len(answers), NOT_YET)
         return
     contacts = {**DEFAULTS, **(parameters.get("contacts") or {})}

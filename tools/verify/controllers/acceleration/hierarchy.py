@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.model.bounds import Bounds
 from hoap3.tools.verify.controllers.acceleration.model.press import Press
@@ -25,7 +25,6 @@ from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     wanted_of,
 )
 from hoap3.tools.verify.robot import RigidBody, Robot
-from hoap3.tools.verify.tasks.config import in_todays_words
 from hoap3.tools.verify.tasks.live import Messages
 
 Array = NDArray[np.float64]
@@ -109,7 +108,6 @@ class Hierarchy:
     ) -> None:
         self.description, self.torques = description, torques
         self.robot = robot = Robot(description, messages)
-        entries = [in_todays_words(entry) for entry in entries]
         self.tasks: list[Wanted] = [
             Press(entry["parameters"], robot)
             if entry["task"] == "wrench"

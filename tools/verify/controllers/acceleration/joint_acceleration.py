@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import COMMANDS, schema
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.constraints.parameters import (
     NOT_READ,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import COM
+from hoap3.protocol.robot.description import COM
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun

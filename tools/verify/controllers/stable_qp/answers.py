@@ -36,7 +36,6 @@ class Answers:
         stated: fields of the answer by name, each (N,).
         psi, drift: Ψ and ∂V/∂t as stated, (N,).
         status: of the solver as stated, (N,).
-        ceiling: the largest ρ that each may have, (N,): 1, or the least so far where it is kept.
         before: u of the cycle before, (N, n); 0 where there is none.
     """
 
@@ -48,7 +47,6 @@ class Answers:
     psi: Array
     drift: Array
     status: NDArray[np.int64]
-    ceiling: Array
     before: Array
 
     @classmethod
@@ -71,11 +69,8 @@ class Answers:
             whole[there] = values
             return whole
 
-        status, rho = answers["extra"][:, names.index("solver_status")], spread(answers["rho"])
+        status = answers["extra"][:, names.index("solver_status")]
         found = spread(np.where(np.isfinite(status), status, -1.0).astype(np.int64))
-        kept = np.ones(len(there))
-        if parameters["keep_rho"]:
-            kept = _kept(rho, found == OK, cycles)
         sent = spread(u[rows])
         before = np.vstack([np.zeros((1, u.shape[1])), sent[:-1]])
         before[cycles.fresh] = 0.0
@@ -93,16 +88,5 @@ class Answers:
             extra[0],
             extra[1],
             found,
-            kept,
             before,
         )
-
-
-def _kept(rho: Array, solved: Flags, cycles: Cycles) -> Array:
-    """Before each cycle the least ρ since the controller began, (N,)."""
-    found, least = np.ones(len(rho)), 1.0
-    for number, fresh in enumerate(cycles.fresh):
-        found[number] = least = 1.0 if fresh else least
-        if solved[number]:
-            least = min(least, max(float(rho[number]), 0.0))
-    return found

@@ -107,7 +107,7 @@ def check_certificate(
         return
     V_rate = np.where(answered, found.V_rate, 0.0)
     claims.equal("predicted V rate", tick, stated["v_rate_predicted"], V_rate, found.V_rate_off)
-    _check_share(found, stated["rho"], tick, answered, sent.ceiling[at], claims)
+    _check_share(found, stated["rho"], tick, answered, claims)
     _check_words(chunk, found, sent, at, equality, claims)
 
 
@@ -116,14 +116,13 @@ def _check_share(
     rho: Array,
     tick: Array,
     answered: NDArray[np.bool_],
-    ceiling: Array,
     claims: Claims,
 ) -> None:
     """ρ = −V̇/Ψ, at most 1; within what counts as asked for, that."""
     top = np.abs(found.gradient).max(1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.clip(-found.V_rate / found.psi, -LARGEST_RHO, LARGEST_RHO)
-        wanted = np.abs(ceiling * found.psi + found.drift)
+        wanted = np.abs(found.psi + found.drift)
         near = AS_ASKED * (top + wanted) + found.V_rate_off + found.psi_off
         off = RELATIVE * np.abs(share) + near / found.psi
     still = found.psi == 0.0

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.constraints.cycles import Cycles, cycles_of
 from hoap3.tools.verify.constraints.parameters import UnverifiableError

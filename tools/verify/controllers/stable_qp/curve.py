@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import COM, RobotDescription
+from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.remote_controller.tasks.curve_following.curve_reference import tangent
 from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete, numbers
 from hoap3.tools.verify.robot import Robot

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma, descent_rate
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.constraints.base import Bounds, Constraint

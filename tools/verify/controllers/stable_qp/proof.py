@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controllers.stable_qp import farkas
 from hoap3.tools.verify.controllers.stable_qp.answers import (
@@ -64,7 +64,7 @@ def check_proof(
         chunk = with_speeds(chunk, sent.u[at], sent.doubt[at], kept, sent.tick[at], claims)
     asked = np.array([cycle.drift for cycle in chunk])
     if settings.rest["lyapunov"] == "equality":
-        asked += sent.ceiling[at] * np.array([cycle.psi for cycle in chunk])
+        asked += np.array([cycle.psi for cycle in chunk])
     stack = Stacked(chunk, objective, sent.u[at], sent.doubt[at], asked)
     _check_optimum(chunk, stack, at, sent, Judge(settings, objective), claims)
     for i in np.flatnonzero(sent.status[at] == STATIONARY).tolist():
@@ -155,7 +155,7 @@ def _check_optimum(
     """Residuals, and that ρ is as large as it must be."""
     tick, stated = sent.tick[at], sent.stated["kkt_residual"][at]
     answered = np.isin(sent.status[at], ANSWERED) & (sent.status[at] != STATIONARY)
-    short = judge.equality & (sent.stated["rho"][at] < sent.ceiling[at] - RELATIVE) & answered
+    short = judge.equality & (sent.stated["rho"][at] < 1.0 - RELATIVE) & answered
     span = stack.kappa + np.abs(stack.y).max(1)
     bent = stack.slope_doubt.max(1) * span / np.maximum(stack.scale, 1e-6 * span)
     root = np.sqrt(stack.y.shape[1])

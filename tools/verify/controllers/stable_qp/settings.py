@@ -17,8 +17,6 @@ DEFAULTS: dict[str, Any] = {
     "lyapunov": ("equality", "descent"),
     "rho": ("damped", "largest"),
     "max_speed_ratio": 10.0,
-    "keep_rho": (False, True),
-    "solver": ("daqp", "osqp", "proxqp", "piqp"),
     "kinematics_from": ("measured", "reference"),
     "integrate_from": ("reference", "measured"),
     "leave_singularity": (False, True),
@@ -39,7 +37,6 @@ OBJECTIVES: dict[str, dict[str, Any]] = {
 }
 ENTRY: dict[str, Any] = {"constraint": str, "name": None, "parameters": None}
 TASK: dict[str, Any] = {"task": str, "parameters": None}
-RENAMED = {"effort": "max_speed_ratio"}
 
 
 @dataclass(frozen=True)
@@ -66,8 +63,7 @@ class Settings:
         Raises:
             UnverifiableError: something in it cannot be reckoned with.
         """
-        given = {RENAMED.get(key, key): value for key, value in parameters.items()}
-        rest = complete(given, DEFAULTS, "parameters")
+        rest = complete(parameters, DEFAULTS, "parameters")
         kind = (rest["objective"] or {}).get("kind", "qp12")
         if kind not in OBJECTIVES:
             raise UnverifiableError(f"parameter objective.kind is {kind!r:.40}")

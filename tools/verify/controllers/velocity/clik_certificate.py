@@ -55,7 +55,7 @@ class Certificate:
         self._answers, self._T, self._cycles = run.answers, run.description.period_s, cycles
         self._tick, self._claimed, self._weights = answers.tick, claimed, weights
         self._u, self._doubt = answers.u, answers.doubt
-        self._errors, self._old = len(tasks.labels), not run.names_stationary
+        self._errors = len(tasks.labels)
         self.moving: Flags = np.asarray(cycles.rate.any(1))
         self.V, self.end = cycles.squares(weights)
         place = tasks.places  # of each row
@@ -107,7 +107,7 @@ class Certificate:
         arrived = (answers["rho"] == 1.0) & (length <= AT_TARGET)
         sure = np.abs(length - AT_TARGET) > RELATIVE * AT_TARGET
         stated = status == STATUS["STATUS_AT_TARGET"]
-        sure &= stated | self._old  # else an error may be above its tolerance
+        sure &= stated  # else an error may be above its tolerance
         claims.equal("at_target", tick[sure], stated[sure], arrived[sure])
         required = np.where(stated, 0.0, -np.maximum(beta, 0.0) * answers["v"])
         claims.equal("required V rate", tick, answers["v_rate_required"], required)

@@ -196,7 +196,7 @@ def _check_certificate(given: Answers, tasks: Tasks, ranks: _Ranks, claims: Clai
     stated = status == STATUS["STATUS_AT_TARGET"]
     sure = np.abs(2.0 * answers["v"] - AT_TARGET**2) > RELATIVE * AT_TARGET**2
     arrived = solved & (2.0 * answers["v"] <= AT_TARGET**2)
-    sure &= stated | (not given.run.names_stationary)  # else an error may be above its tolerance
+    sure &= stated  # else an error may be above its tolerance
     claims.equal("at_target", tick[sure], stated[sure], arrived[sure])
     proven = status == STATUS["STATUS_CERTIFIED"]
     ticks = tick[proven]

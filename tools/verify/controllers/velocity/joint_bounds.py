@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
 

@@ -3,7 +3,7 @@
 Room D = q_max − q, T how long an acceleration is held, A the braking that a stop counts on. Towards
 a limit the joint may gain what the strictest of these lets it: the greatest acceleration and speed,
 (23); what it can still stop from, w² + A·T·w ≤ 2·A·E with w = v + a·T and E = D − T·v/2, (24); or,
-for E < 0, that it turns round before the limit, (19). `protocol.robot.viability_bounds_reference`
+for E < 0, that it turns round before the limit, (19). `protocol.limits.viability_bounds_oracle`
 says the same by what it means; a test compares the two.
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.verify.constraints.parameters import UnverifiableError, is_number
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import is_live, place_of, posture_of, task_of

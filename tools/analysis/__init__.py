@@ -1,0 +1,1 @@
+"""Ticks, certificates, verdicts and summaries of runs, and reports of logs."""

@@ -1,1 +1,0 @@
-"""Pages and drawings: one HTML file that loads nothing, plots as SVG."""

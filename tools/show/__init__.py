@@ -1,1 +1,0 @@
-"""What people see: notes, progress, summary, verdicts, folders of results."""

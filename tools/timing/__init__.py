@@ -1,1 +1,0 @@
-"""What became of each tick, where its time went, and who was to blame."""
