@@ -1,7 +1,7 @@
 """Figures as data, from which pictures and CSV are made alike.
 
-A paper's module says which curves a panel has; here they are drawn as PNG and SVG, and the very
-arrays that are drawn are written as CSV, one file a panel with one row a point.
+A paper's module returns panels of curves; here they are drawn as PNG and SVG, and the same arrays
+are written as CSV, one file a panel with one row a point.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.reproduce.legends import place_legend
-
 Array = NDArray[np.float64]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
@@ -25,6 +23,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F
 
 INK, PALE = "#222222", "#BBBBBB"
 DPI = 150
+LEGEND = {"loc": "best", "fontsize": 7, "framealpha": 0.85, "edgecolor": "none"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,6 @@ class Axis:
         limits: least and greatest value shown.
         step: between two ticks.
         log: whether it is logarithmic.
-        names: of the values 0, 1 …, where they mean something.
     """
 
     name: str
@@ -70,7 +68,6 @@ class Axis:
     limits: tuple[float, float] | None = None
     step: float | None = None
     log: bool = False
-    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +80,6 @@ class Panel:
         x, y: axes.
         curves: drawn in this order.
         square: whether both axes have the same scale.
-        categories: names of x = 0, 1 …, where x counts things; lines end at each _.
         zoom: limits of x and of y that are shown larger in the lower half.
     """
 
@@ -93,7 +89,6 @@ class Panel:
     y: Axis
     curves: Sequence[Curve]
     square: bool = False
-    categories: tuple[str, ...] = ()
     zoom: tuple[tuple[float, float], tuple[float, float]] | None = None
 
 
@@ -123,8 +118,8 @@ def lines(
     data: Mapping[str, tuple[Array, Array]], dashes: Iterable[str] = repeat("-"), **style: Any
 ) -> list[Curve]:
     """A curve for the x and y of each name, one colour after the other."""
-    looks = zip(data.items(), COLOURS, dashes, strict=False)
-    return [Curve(name, *xy, colour, dash=dash, **style) for (name, xy), colour, dash in looks]
+    styles = zip(data.items(), COLOURS, dashes, strict=False)
+    return [Curve(name, *xy, colour, dash=dash, **style) for (name, xy), colour, dash in styles]
 
 
 def level(
@@ -132,6 +127,11 @@ def level(
 ) -> Curve:
     """A horizontal line at a value, from one x to another."""
     return Curve(label, np.array(span), np.full(2, value), dash=dash, **style)
+
+
+def trace(label: str, points: Array, colour: str = INK, **style: Any) -> Curve:
+    """A curve through points, (k, 2)."""
+    return Curve(label, points[:, 0], points[:, 1], colour, **style)
 
 
 def mark(label: str, x: float, y: float, marker: str, **style: Any) -> Curve:
@@ -171,8 +171,7 @@ def write_csv(panel: Panel, path: Path) -> None:
         writer.writerow(["curve", panel.x.name, panel.y.name])
         for curve in panel.curves:
             for x, y in zip(curve.x.tolist(), curve.y.tolist(), strict=True):
-                place = panel.categories[round(x)] if panel.categories else repr(x)
-                writer.writerow([curve.label, place, repr(y)])
+                writer.writerow([curve.label, repr(x), repr(y)])
 
 
 def draw(figure: Figure) -> Any:
@@ -187,16 +186,13 @@ def draw(figure: Figure) -> Any:
     columns = max(len(row) for row in figure.rows)
     axes = picture.subplots(len(figure.rows), columns, squeeze=False)
     above: dict[int, list[str]] = {}
-    named = []
     for row, places in zip(figure.rows, axes, strict=True):
         for column, (panel, place) in enumerate(zip(row, places, strict=True)):
             handles = _draw_panel(panel, place)
             if handles and above.get(column) != [*handles]:
-                named.append((place, handles))
+                ncols = 1 + len(handles) // 7
+                place.legend(handles.values(), handles.keys(), ncols=ncols, **LEGEND)
             above[column] = [*handles]
-    picture.draw_without_rendering()  # from here on it is known where everything is
-    for place, handles in named:
-        place_legend(place, handles)
     return picture
 
 
@@ -227,11 +223,6 @@ def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
         axes.set_xlim(panel.x.limits)
     if panel.y.limits:
         axes.set_ylim(panel.y.limits)
-    if panel.y.names:
-        axes.set_yticks(range(len(panel.y.names)), panel.y.names)
-    if panel.categories:
-        shown = [name.replace("_", "\n") for name in panel.categories]
-        axes.set_xticks(range(len(shown)), shown)
     if panel.square:
         axes.set_aspect("equal")
     if panel.zoom:

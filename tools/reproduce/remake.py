@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.errors import UnknownNameError
+from hoap3.tools.analysis.result_folder import make_folder, new_name, unwritable
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.reproduce import papers as shelf
 from hoap3.tools.reproduce.figures import Figure, save
 from hoap3.tools.reproduce.rows import Row, count
-from hoap3.tools.show.result_folder import make_folder, new_name, unwritable
 
 RESULT = "rows.json"
 

@@ -26,6 +26,9 @@ TRIVIAL = {0.0, 1.0, math.inf}
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 
 Bounds = tuple[float | None, float | None]
+Expected = Bounds | tuple[float, float, float] | None
+"""Least and greatest value that pass, and an oracle's value where there is one; None: measured or
+compared with the printed number only."""
 
 
 @dataclass(frozen=True)
@@ -114,37 +117,34 @@ def count(rows: Iterable[Row]) -> dict[str, int]:
     return {**counts, "of these reproduced with fitted inputs": fitted, "failed": failed}
 
 
-def near(
+def row(
     item: str,
     paper: float | str | None,
     ours: float,
-    reference: float,
+    expected: Expected,
     why: str,
-    absolute: float | None = None,
+    unit: str = "",
     **more: Any,
 ) -> Row:
-    """Ours must be as an oracle's value, within `absolute` or else 2 % of it; `more` of `Row`."""
+    """One row; `more` of `Row`."""
+    low, high, reference = (*(expected or (None, None)), None)[:3]
+    tolerance = None if expected is None else (low, high)
+    return Row(item, paper, float(ours), why, unit, reference, tolerance, **more)
+
+
+def table(prefix: str, *specs: tuple[Any, ...], **common: Any) -> list[Row]:
+    """Rows whose items begin alike, from the arguments of `row`; `common` are those of all."""
+    return [row(prefix + str(item), *others, **common) for item, *others in specs]
+
+
+def like(reference: float, absolute: float | None = None) -> tuple[float, float, float]:
+    """What passes next to an oracle's value: within `absolute` or else 2 % of it."""
     width = TOLERANCE * abs(reference) if absolute is None else absolute
-    bounds = (float(reference - width), float(reference + width))
-    more |= {"reference": float(reference), "tolerance": bounds}
-    return Row(item, paper, float(ours), why, **more)
+    return float(reference - width), float(reference + width), float(reference)
 
 
-def printed(item: str, paper: float | str, ours: float, why: str, **more: Any) -> Row:
-    """Compare ours with a printed number alone; `more` of `Row`."""
-    return Row(item, paper, float(ours), why, **more)
-
-
-def bounded(
-    item: str, paper: float | str | None, ours: float, bounds: Bounds, why: str, **more: Any
-) -> Row:
-    """Ours must keep a bound that a theorem or the paper's words set; `more` of `Row`."""
-    return Row(item, paper, float(ours), why, tolerance=bounds, **more)
-
-
-def measured(item: str, paper: float | None, ours: float, why: str, **more: Any) -> Row:
-    """Compare ours with nothing; `timed` where the paper prints a time of its own machine."""
-    return Row(item, paper, float(ours), why, **more)
+NONE = (0.0, 0.0)
+"""Bounds of what must be 0."""
 
 
 def digit(text: str) -> float:

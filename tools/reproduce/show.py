@@ -5,9 +5,9 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.table import Table
 
+from hoap3.tools.analysis.output import results
 from hoap3.tools.reproduce.remake import Reproduction
 from hoap3.tools.reproduce.rows import CONFIRMED, MEASURED, NOT_REPRODUCED, REPRODUCED, Row
-from hoap3.tools.show.output import results
 
 _MARKS = {
     REPRODUCED: "[green]reproduced[/green]",
@@ -25,10 +25,10 @@ def show_rows(made: Reproduction) -> None:
         table.add_column(name, justify="left" if name in {"item", "class"} else "right")
     for row in made.rows:
         ours = f"{row.ours:.4g} {row.unit}".strip()
-        said = (row.item, _said(row.paper), ours, _expected(row))
+        cells = (row.item, _printed(row.paper), ours, _expected(row))
         note = str(1 + reasons.index(row.note))
         mark = "[red]FAIL[/red]" if row.passed is False else _MARKS[row.kind]
-        table.add_row(*map(escape, said), mark + (", fitted" if row.fitted else ""), note)
+        table.add_row(*map(escape, cells), mark + (", fitted" if row.fitted else ""), note)
     results.print(table)
     for number, reason in enumerate(reasons, 1):
         results.print(f"{number:3}  {reason}", style="dim", markup=False, soft_wrap=True)
@@ -49,7 +49,7 @@ def show_rows(made: Reproduction) -> None:
     )
 
 
-def _said(paper: float | str | None) -> str:
+def _printed(paper: float | str | None) -> str:
     return "" if paper is None else paper if isinstance(paper, str) else f"{paper:.4g}"
 
 

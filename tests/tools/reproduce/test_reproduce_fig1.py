@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from remade_paper import assert_all_pass, failed
 
 from hoap3.tools.reproduce.papers.qp12 import fig1
 
@@ -16,8 +17,7 @@ STEEP = st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 0.1)
 
 def test_every_row_passes():
     rows = fig1.rows()
-    assert [row.item for row in rows if row.passed is not True] == []
-    assert len(rows) == len({row.item for row in rows})
+    assert_all_pass(rows)
     counts = [row.ours for row in rows if "ends found" in row.item]
     assert counts == [0, 2, 1, 2]
 
@@ -25,17 +25,17 @@ def test_every_row_passes():
 @given(first=STEEP, second=STEEP, share=st.floats(0.05, 0.95))
 def test_two_lps_find_where_the_line_cuts_the_polygon(first, second, share):
     case = fig1.Case("", "", np.array([first, second]), share)
-    np.testing.assert_allclose(fig1.by_solvers(case), fig1.by_geometry(case), atol=1e-8)
+    np.testing.assert_allclose(fig1.by_solvers(case), case.known, atol=1e-8)
 
 
 @given(first=STEEP, second=STEEP, share=st.floats(1.05, 3.0))
 def test_above_the_greatest_rho_neither_finds_anything(first, second, share):
     case = fig1.Case("", "", np.array([first, second]), share)
-    assert len(fig1.by_solvers(case)) == len(fig1.by_geometry(case)) == 0
+    assert len(fig1.by_solvers(case)) == len(case.known) == 0
 
 
 def test_geometry_knows_corners_and_edges():
-    point, edge = (fig1.by_geometry(case) for case in fig1.CASES[2:])
+    point, edge = (case.known for case in fig1.CASES[2:])
     np.testing.assert_allclose(point, [[0.5, 1.0], [0.5, 1.0]])
     assert sorted(edge[:, 0].tolist()) == pytest.approx([0.5, 1.0])
     assert edge.sum(axis=1) == pytest.approx([1.5, 1.5])
@@ -43,18 +43,13 @@ def test_geometry_knows_corners_and_edges():
 
 def test_solvers_with_another_polygon_fail(monkeypatch):
     monkeypatch.setattr(fig1, "B", fig1.B - np.array([0.0, 0.0, 0.0, 0.0, 0.1]))
-    failed = [row.item for row in fig1.rows() if row.passed is False]
+    missed = failed(fig1.rows())
     for words in ("ρ*, line through a corner", "ρ*, edge", "one point, ends found", "edge, ends"):
-        assert any(words in item for item in failed), words
+        assert any(words in item for item in missed), words
 
 
 def test_the_picture_shows_what_is_feasible():
     panels = fig1.draw().panels
-    found = [
-        len(curve.x)
-        for panel in panels
-        for curve in panel.curves
-        if curve.label == "feasible"
-    ]  # fmt: skip
-    assert found == [2, 1, 2]
+    curves = [curve for panel in panels for curve in panel.curves]
+    assert [len(curve.x) for curve in curves if curve.label == "feasible"] == [2, 1, 2]
     assert [panel.name for panel in panels] == ["a", "b", "c", "c_edge"]

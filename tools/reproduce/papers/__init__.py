@@ -1,7 +1,17 @@
-"""The papers: one module each, or one folder, with one function.
+"""The papers: one module or folder each, with one function.
 
     remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]
 
-It does the experiments, says what it is at, and leaves drawing and judging to others. The module's
-name is what `hoap3 reproduce` calls the paper; nothing else has to be told of it.
+It does the experiments and reports progress. The module's name is the paper's name for
+`hoap3 reproduce`.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hoap3.tools.reproduce.figures import Figure
+from hoap3.tools.reproduce.rows import Row
+
+Say = Callable[[str], None]
+Made = tuple[list[Figure], list[Row]]

@@ -5,41 +5,21 @@ moves one joint, and Fig. 5 is the left arm of Baxter under task-space inverse d
 does so with the shipped bounds and the shipped controllers.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
-from hoap3.tools.reproduce.figures import Figure
-from hoap3.tools.reproduce.rows import Row
+from hoap3.tools.reproduce.papers import Made, Say
 
 
-def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
-    """Do the sets, then the motions."""
-    from hoap3.tools.reproduce.papers.bounds import (
-        elbow,
-        elbow_figure,
-        one_joint,
-        one_joint_figure,
-        orderings,
-        regions,
-        viable_set,
-    )
+def remake(say: Say) -> Made:
+    """Find the viable states, the orderings and the regions, and do all motions."""
+    from hoap3.tools.reproduce.papers.bounds import elbow, figures, joint, rows
 
-    say("Fig. 1: what is viable")
-    figures, rows = [viable_set.draw()], viable_set.rows()
-    say("Fig. 2: orderings of the accelerations")
-    shares = orderings.count_all()
-    figures.append(orderings.draw(shares))
-    rows += orderings.rows(shares)
-    say("Fig. 3: which bound is the least")
-    found = regions.classify()
-    figures.append(regions.draw(found))
-    rows += regions.rows(found)
+    say("Figs. 1 to 3: what is viable, orderings of the accelerations, and the least bound")
+    shares, regions = joint.count_all(), joint.classify()
     say("Fig. 4: one joint")
-    runs = one_joint.run_all()
-    figures.append(one_joint_figure.draw(runs))
-    rows += one_joint.rows(runs)
-    arms = elbow.run_all(say)
-    figures.append(elbow_figure.draw(arms))
-    rows += elbow.rows(arms)
-    return figures, rows
+    runs, arms = joint.run_all(), elbow.run_all(say)
+    drawn = [
+        figures.draw_viable(),
+        figures.draw_regions(regions),
+        figures.draw_motions(runs),
+        figures.draw_elbow(arms),
+    ]
+    return drawn, rows.rows(shares, regions, runs, arms)

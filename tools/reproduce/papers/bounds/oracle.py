@@ -1,6 +1,6 @@
-"""What the paper prints, closed forms of its sets, and oracles of its motions and regions.
+"""Closed forms of the paper's sets, and oracles of its motions and regions.
 
-The paper prints hardly a number. Sets have closed forms; regions come from Algorithms 1 to 3 as
+Sets have closed forms; regions come from Algorithms 1 to 3 as
 printed; motions of Fig. 4 from (31) and (32) within bounds that are found without formulas.
 """
 
@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.robot.viability_bounds_reference import bounds, naive_bounds
-from hoap3.tools.reproduce.papers.bounds.joint import FIG_1, Joint
+from hoap3.protocol.limits.viability_bounds_oracle import bounds, naive_bounds
+from hoap3.tools.reproduce.papers.bounds.joint import Joint
 
 Array = NDArray[np.float64]
 
@@ -22,23 +22,8 @@ VIABLE, VIABLE_AND_REACHABLE = 31.0 / 36.0, 13.0 / 18.0
 CURVE_MEETS_SPEED = 1.0 / 6.0
 """Q − V²/(2A) in Fig. 1 [rad]."""
 
-ELBOW_PRINTED = {2.0: (0.36, -1.4), 20.0: (None, -0.3)}
-"""Fig. 5, naive: when the elbow reaches its limit [s], and how fast [rad/s], by T_b/δt: caption of
-Fig. 5a, and section V-B, which gives 0.3 rad/s without a sign, and no time."""
-
 REGIONS = ("unreachable", "not viable", "position", "velocity", "ddq_max", "viability")
 """Those of Fig. 3, by number."""
-
-
-def velocity_control_share(period_s: float, joint: Joint = FIG_1) -> float:
-    """Share of F in Fig. 1 that velocity control leaves: ∫ of the room that each w needs to stop.
-
-    From w a joint comes to rest over δt·Σ max(0, w − kAδt), k = 0, 1 …
-    """
-    speeds = (np.arange(100_000) + 0.5) / 100_000 * joint.speed
-    steps = np.arange(math.ceil(joint.speed / (joint.acceleration * period_s)) + 1)
-    way = sum(np.maximum(0.0, speeds - k * joint.acceleration * period_s) for k in steps) * period_s
-    return float(1.0 - np.minimum(way, 2.0 * joint.end).mean() / (2.0 * joint.end))
 
 
 def turning_share(joint: Joint) -> float:

@@ -1,4 +1,4 @@
-"""What Figs. 4 to 8 print, next to ours and to an independent computation of the same motions."""
+"""Rows of Figs. 4 to 8: what they print, next to ours and to the oracle's."""
 
 from __future__ import annotations
 
@@ -7,25 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.tools.reproduce.papers.qp12 import oracle
-from hoap3.tools.reproduce.papers.qp12 import reference as ref
-from hoap3.tools.reproduce.papers.qp12.experiments import (
-    START_M,
-    U_MAX,
-    Motion,
-    Trials,
-    joint_names,
-    sole,
-)
-from hoap3.tools.reproduce.papers.qp12.reference import CASES, Law
-from hoap3.tools.reproduce.rows import Row, bounded, near, printed
+from hoap3.tools.reproduce.papers.qp12 import oracle, runs
+from hoap3.tools.reproduce.rows import NONE, Row, like, row
 
-Both = Mapping[tuple[str, Law], tuple[Motion, Motion]]
+ANKLE = ("r_ankle_pitch", "r_ankle_roll")
+"""The joints that the paper names for γ = 0.99."""
+
+Both = Mapping[tuple[str, runs.Law], tuple[runs.Motion, runs.Motion]]
 """Ours and the oracle's motion of each trial."""
 
 PAPERS_WAY_M = 0.0185  # section V-C.1
 PAPERS_MS = 400  # section V-C.2
-ROUNDED_M = 1e-12  # |e| that is rounding
 SLIDING_TICKS = 100  # before |e| = 1 mm
 
 _AS_PAPER = "As the paper"
@@ -56,67 +48,64 @@ _SHARES = "The paper names both joints, but no shares"
 _UNIT_OF_E = "The paper prints no unit of e: γ ≈ γ_far far from the target holds in centimetres"
 
 
-def check_all(trials: Trials, plain: Motion, expected: Trials, expected_plain: Motion) -> list[Row]:
-    """All rows.
+def rows(
+    trials: runs.Trials, plain: runs.Motion, expected: runs.Trials, expected_plain: runs.Motion
+) -> list[Row]:
+    """What Figs. 4 to 8 print, next to ours and to the oracle's.
 
     Args:
         trials, plain: of `run_trials` and `plain_pinv`.
         expected, expected_plain: the same of `oracle`.
     """
     both = {key: (motion, expected[key]) for key, motion in trials.items()}
-    found = [*fig4(trials), *fig5(both), *fig6(both), *fig7(both), *fig8(both)]
+    found = [*_rows4(trials), *_rows5(both), *_rows6(both), *_rows7(both), *_rows8(both)]
     return [*found, *_plain((plain, expected_plain))]
 
 
-def fig4(trials: Trials) -> list[Row]:
+def _rows4(trials: runs.Trials) -> list[Row]:
     """Where the centre of mass starts, ends, and stays."""
     why = "The paper's posture is not published: ours was made so that m(q0) is the printed one"
     rows = [
-        printed(f"Fig. 4: {axis} of m(q0)", *(it, m0, why), unit="m", fitted="posture q0")
-        for axis, it, m0 in zip("xyz", START_M, trials["C", ref.EVEN].com[0], strict=True)
+        row(f"Fig. 4: {axis} of m(q0)", it, m0, None, why, "m", fitted="posture q0")
+        for axis, it, m0 in zip("xyz", runs.START_M, trials["C", runs.EVEN].com[0], strict=True)
     ]
-    for case in CASES:
-        travelled = float(np.ptp(trials[case, ref.EVEN].com[:, 0]))
-        item, way = f"Fig. 4: ΔCoM_x at γ = 0, case {case}", (PAPERS_WAY_M, travelled)
-        rows.append(printed(item, *way, f"{_AS_PAPER}: m_d − m_0", unit="m", differs=_ARRIVED))
-    corner = sole().max(axis=0)  # the sole is a rectangle about its centre
-    margin = min(
-        float((corner - np.abs(motion.com[:, :2])).min())
-        for (_, law), motion in trials.items()
-        if law in ref.TRIALS
-    )
+    why = f"{_AS_PAPER}: m_d − m_0"
+    for case in runs.CASES:
+        item = f"Fig. 4: ΔCoM_x at γ = 0, case {case}"
+        way = np.ptp(trials[case, runs.EVEN].com[:, 0])
+        rows.append(row(item, PAPERS_WAY_M, way, None, why, "m", differs=_ARRIVED))
+    corner = runs.sole().max(axis=0)  # the sole is a rectangle about its centre
+    coms = (motion.com[:, :2] for (_, law), motion in trials.items() if law in runs.TRIALS)
+    margin = min((corner - np.abs(com)).min() for com in coms)
     item, why = "Fig. 4: least distance to the sole's edge", "The paths stay inside, as drawn"
-    return [*rows, bounded(item, "inside", margin, (0.0, None), why, unit="m")]
+    return [*rows, row(item, "inside", margin, (0.0, None), why, "m")]
 
 
-def fig5(both: Both) -> list[Row]:
+def _rows5(both: Both) -> list[Row]:
     """How fast V falls, that it never rises, and that speeds are bounded."""
     rows = []
-    for case in CASES:
+    for case in runs.CASES:
         shares = np.array([
-            [motion.v[PAPERS_MS] / motion.v[0] for motion in both[case, law]] for law in ref.TRIALS
+            [motion.v[PAPERS_MS] / motion.v[0] for motion in both[case, law]] for law in runs.TRIALS
         ])  # fmt: skip
         for name, ends in (("least", shares.min(axis=0)), ("greatest", shares.max(axis=0))):
             item = f"Fig. 5a: V(400 ms)/V(0), {name} of 11 trials, case {case}"
             rows.append(_near(item, None, ends, _ORACLE))
-        for law in (ref.EVEN, ref.SPARSE):
+        for law in (runs.EVEN, runs.SPARSE):
             item = f"Fig. 5a: time to |e| < 1 mm, {law}, case {case}"
             ms = (motion.arrival_ms for motion in both[case, law])
             rows.append(_near(item, PAPERS_MS, ms, _ORACLE, unit="ms", differs=_STABLE[case]))
-        ratio = max(_share_of_bound(case, both[case, law][0]) for law in ref.TRIALS)
+        ratio = max(_share_of_bound(case, both[case, law][0]) for law in runs.TRIALS)
         item = f"Fig. 5: greatest |u_i| / (u_max·R), (17), case {case}"
         holds = case != "C"
-        bounds = (None, 1.0) if holds else (1.0, float(np.sqrt(len(joint_names()))))
-        rows.append(bounded(item, "at most 1" if holds else None, ratio, bounds, _BOUND[holds]))
-    rises = sum(
-        int(((np.diff(motion.v) > 0.0) & (motion.error[1:] > ROUNDED_M)).sum())
-        for motion, _ in both.values()
-    )
+        bounds = (None, 1.0) if holds else (1.0, float(np.sqrt(len(runs.joint_names()))))
+        rows.append(row(item, "at most 1" if holds else None, ratio, bounds, _BOUND[holds]))
+    rises = sum(motion.rises for motion, _ in both.values())
     item = "Fig. 5a: ticks at which V rises, all trials"
-    return [*rows, bounded(item, 0, rises, (0.0, 0.0), f"{_AS_PAPER}: stable by design")]
+    return [*rows, row(item, 0, rises, NONE, f"{_AS_PAPER}: stable by design")]
 
 
-def fig6(both: Both) -> list[Row]:
+def _rows6(both: Both) -> list[Row]:
     """Mean number of active joints over γ."""
     rows = []
     for (case, law), motions in both.items():
@@ -126,57 +115,59 @@ def fig6(both: Both) -> list[Row]:
     return rows
 
 
-def fig7(both: Both) -> list[Row]:
+def _rows7(both: Both) -> list[Row]:
     """Number of active joints over time, and which they are."""
     rows = []
-    for case in CASES:
-        for law in (ref.PINV, ref.EVEN):
+    for case in runs.CASES:
+        for law in (runs.PINV, runs.EVEN):
             item = f"Fig. 7: active joints at the start, {law}, case {case}"
             first = (motion.active_count[0] for motion in both[case, law])
             rows.append(_near(item, 18, first, _ORACLE, differs=_JOINTS[case]))
         ratios = [each.mean_active(400, 1000) / each.mean_active(0, 400)
-                  for each in both[case, ref.SPARSE]]  # fmt: skip
-        item = f"Fig. 7: active joints, 400 ms to 1 s / before, {ref.SPARSE}, case {case}"
+                  for each in both[case, runs.SPARSE]]  # fmt: skip
+        item = f"Fig. 7: active joints, 400 ms to 1 s / before, {runs.SPARSE}, case {case}"
         if case == "C":
-            rows.append(bounded(item, "more", ratios[0], (1.0, None), _MORE))
+            rows.append(row(item, "more", ratios[0], (1.0, None), _MORE))
         else:
             rows.append(_near(item, None, ratios, f"{_NOT_MORE}. {_ORACLE}"))
-        rows += _ankle(both[case, ref.SPARSE_CONSTANT], case)
+        rows += _ankle(both[case, runs.SPARSE_CONSTANT], case)
     return rows
 
 
-def fig8(both: Both) -> list[Row]:
+def _rows8(both: Both) -> list[Row]:
     """How sparse γ makes the inputs at the start, and how abrupt they are."""
     rows = []
-    for case in CASES:
+    for case in runs.CASES:
         item = f"Fig. 8: adaptive γ / γ_far at the start, case {case}"
-        shares = [oracle.share_of_gamma(case, motion) for motion in both[case, ref.SPARSE]]
+        shares = [oracle.share_of_gamma(case, motion) for motion in both[case, runs.SPARSE]]
         if case == "B":
-            rows.append(bounded(item, "about 1", shares[0], (0.9, 1.0), _UNIT_OF_E))
+            rows.append(row(item, "about 1", shares[0], (0.9, 1.0), _UNIT_OF_E))
         else:
             rows.append(_near(item, None, shares, f"{_UNIT_OF_E}. {_ORACLE}"))
-        item = f"Fig. 8: starts and stops of joints, {ref.SPARSE_CONSTANT}, case {case}"
+        item = f"Fig. 8: starts and stops of joints, {runs.SPARSE_CONSTANT}, case {case}"
         rates = (
             _switches_per_s(motion.until_a_millimetre.active[-SLIDING_TICKS:])
-            for motion in both[case, ref.SPARSE_CONSTANT]
+            for motion in both[case, runs.SPARSE_CONSTANT]
         )
         rows.append(_near(item, "chattering", rates, _CHATTERS, unit="1/s"))
-    item = f"Fig. 8: starts and stops of joints, {ref.SPARSE}, case C"
-    active = both["C", ref.SPARSE][0].until_a_millimetre.active
+    item = f"Fig. 8: starts and stops of joints, {runs.SPARSE}, case C"
+    active = both["C", runs.SPARSE][0].until_a_millimetre.active
     switches = _switches_per_s(active) * len(active) * 1e-3
-    rows.append(bounded(item, "none", switches, (None, 1.5), "One in all, until |e| < 1 mm"))
+    rows.append(row(item, "none", switches, (None, 1.5), "One in all, until |e| < 1 mm"))
     fastest = max(float(np.abs(motion.u).max()) for motion, _ in both.values())
     item, why = "Fig. 8: greatest |u_i| of all trials", "Below u_max, as the paper, in each case"
-    return [*rows, bounded(item, "at most 0.6", fastest, (None, U_MAX), why, unit="rad/s")]
+    return [*rows, row(item, "at most 0.6", fastest, (None, runs.U_MAX), why, unit="rad/s")]
 
 
-def _near(item: str, paper: float | str | None, both: Iterable[Any], why: str, **more: Any) -> Row:
+def _near(
+    item: str, paper: Any, both: Iterable[Any], why: str, absolute: float | None = None, **more: Any
+) -> Row:
     """Ours must be the oracle's."""
     ours, expected = both
-    return near(item, paper, ours, expected, why, **more)
+    return row(item, paper, ours, like(expected, absolute), why, **more)
 
 
-def _plain(plain: tuple[Motion, Motion]) -> list[Row]:
+def _plain(plain: tuple[runs.Motion, runs.Motion]) -> list[Row]:
     """The law whose number of joints is the paper's."""
     item, why = "Fig. 7: plain law u = −10 J⁺e,", f"Without Ψ: fits the paper's 18. {_ORACLE}"
     count = (motion.active_count[0] for motion in plain)
@@ -189,25 +180,25 @@ def _plain(plain: tuple[Motion, Motion]) -> list[Row]:
     ]
 
 
-def _ankle(motions: tuple[Motion, Motion], case: str) -> list[Row]:
+def _ankle(motions: tuple[runs.Motion, runs.Motion], case: str) -> list[Row]:
     """Who moves at constant γ = 0.99: the joint that is fastest, tick by tick, until 1 mm."""
-    names, rows = joint_names(), []
+    names, rows = runs.joint_names(), []
     parts = [motion.until_a_millimetre for motion in motions]
-    ankle = [names.index(name) for name in ref.ANKLE]
+    ankle = [names.index(name) for name in ANKLE]
     for joint in ankle:
-        item = f"Fig. 7: share of time of {names[joint]}, {ref.SPARSE_CONSTANT}, case {case}"
+        item = f"Fig. 7: share of time of {names[joint]}, {runs.SPARSE_CONSTANT}, case {case}"
         shares = (float(np.mean(np.abs(part.u).argmax(axis=1) == joint)) for part in parts)
         rows.append(_near(item, None, shares, f"{_SHARES}. {_ORACLE}", absolute=0.01))
     others = float(np.delete(parts[0].active, ankle, axis=1).any(axis=0).sum())
-    item = f"Fig. 7: other joints that ever move, {ref.SPARSE_CONSTANT}, case {case}"
+    item = f"Fig. 7: other joints that ever move, {runs.SPARSE_CONSTANT}, case {case}"
     why = f"{_AS_PAPER}: pitch and roll of the right ankle"
-    return [*rows, bounded(item, 0, others, (0.0, 0.0), why)]
+    return [*rows, row(item, 0, others, NONE, why)]
 
 
-def _share_of_bound(case: str, motion: Motion) -> float:
+def _share_of_bound(case: str, motion: runs.Motion) -> float:
     """Greatest |u_i| relative to u_max·R, while |e| ≥ 1 mm: beyond, positions' rounding counts."""
     part = motion.until_a_millimetre
-    bound = U_MAX * oracle.reach(case, part.error)
+    bound = runs.U_MAX * oracle.reach(case, part.error)
     return float((np.abs(part.u).max(axis=1) / bound).max())
 
 
@@ -216,10 +207,10 @@ def _switches_per_s(active: np.ndarray) -> float:
     return float((active[1:] != active[:-1]).any(axis=1).mean() * 1e3)
 
 
-def _printed(law: Law) -> float | str | None:
+def _printed(law: runs.Law) -> float | str | None:
     """Active joints in the paper's text, section V-C.2."""
-    if law in {ref.PINV, ref.EVEN}:
+    if law in {runs.PINV, runs.EVEN}:
         return 18
-    if law == Law(0.1):
+    if law == runs.Law(0.1):
         return 6
-    return "1 to 2" if law.gamma == ref.SPARSE.gamma else None
+    return "1 to 2" if law.gamma == runs.SPARSE.gamma else None

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import COM
+from hoap3.protocol.robot.description import COM
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.report.motion import point_path
-from hoap3.tools.reproduce.papers.qp12.reference import CASES, LAWS, Law
+from hoap3.tools.analysis.report.motion import point_path
+from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers import Say
 from hoap3.tools.simulate import simulate
 
 ROBOT, FRAME = "hoap3", "r_sole"
@@ -24,10 +25,46 @@ POINT = {"point": "com", "reference_frame": FRAME, "target_m": TARGET_M}
 TASK = {**POINT, "u_max_rad_s": U_MAX, "beta": BETA}
 PERIOD_S = 1e-3
 THRESHOLD = 1e-3  # rad/s, from which on a joint is active
-SECONDS = {"A": 3.0, "B": 1.0, "C": 1.0}
-"""How long each case is followed: until |e| < 1 mm whatever γ."""
+ROUNDED_M = 1e-12  # |e| that is rounding
 
-Array = NDArray[np.float64]
+CASES = {
+    "A": {"psi_scale": "inverse_sqrt_n"},
+    "B": {"psi_scale": "inverse_sqrt_n", "error_unit": "cm"},
+    "C": {"psi_scale": "one"},
+}
+"""Readings of (16): A as printed with e in metres, B as printed with e in centimetres, and C in
+metres without 1/√n. The paper prints no unit of e."""
+
+SECONDS = {"A": 3.0, "B": 1.0, "C": 1.0}
+"""How long each case is followed: until |e| < 1 mm for every γ."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """How u is chosen: QP12 with γ, or the pseudo-inverse where `gamma` is None.
+
+    Attributes:
+        gamma: γ, or γ_far where adaptive.
+        adaptive: γ = (2γ_far/π)·atan(100|∇V|), as in the paper's figures.
+    """
+
+    gamma: float | None
+    adaptive: bool = True
+
+    def __str__(self) -> str:
+        if self.gamma is None:
+            return "PINV"
+        kind = "" if self.gamma == 0.0 else ", adaptive" if self.adaptive else ", constant"
+        return f"γ = {self.gamma:g}{kind}"
+
+
+PINV, EVEN, SPARSE = Law(None), Law(0.0), Law(0.99)
+SPARSE_CONSTANT = Law(0.99, adaptive=False)
+TRIALS = tuple(Law(gamma) for gamma in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.99))
+"""The 11 trials of section V-C."""
+
+LAWS = (PINV, *TRIALS, Law(0.1, adaptive=False), SPARSE_CONSTANT)
+"""Those that are done in every case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +73,7 @@ class Motion:
 
     Attributes:
         v: V [m²].
-        psi: Ψ, the decrease that is asked for [m²/s].
+        psi: Ψ, the decrease that is required [m²/s].
         u: joint velocities, (ticks, n) [rad/s].
         com: m(q) in the right sole's frame, (ticks, 3) [m].
     """
@@ -83,6 +120,11 @@ class Motion:
         end = int(np.argmax(there)) if there.any() else len(there)
         return Motion(self.v[:end], self.psi[:end], self.u[:end], self.com[:end])
 
+    @property
+    def rises(self) -> int:
+        """Ticks at which V rises, until |e| is rounding."""
+        return int(((np.diff(self.v) > 0.0) & (self.error[1:] > ROUNDED_M)).sum())
+
 
 Trials = Mapping[tuple[str, Law], Motion]
 
@@ -106,39 +148,25 @@ def law_settings(law: Law, case: str = "A") -> dict[str, Any]:
     return {"controller": "qp12", "parameters": {**TASK, **CASES[case], **gamma}}
 
 
-def move(controller: str, seconds: float, **parameters: object) -> Motion:
+def move(settings: Mapping[str, Any], seconds: float) -> Motion:
     """Bring the centre of mass to m_d with a shipped controller."""
-    settings = {"controller": controller, "parameters": {**TASK, **parameters}}
     run = simulate(ROBOT, settings, seconds)
-    states = run.states[: len(run.setpoints)]
-    u = (run.setpoints["values"] - states["reference"]) / PERIOD_S
-    return Motion(
-        run.setpoints["v"].copy(), -run.setpoints["v_rate_required"], u, com_path(states["q"])
-    )
+    sent, states = run.setpoints, run.states[: len(run.setpoints)]
+    u = (sent["values"] - states["reference"]) / PERIOD_S
+    com = point_path(states["q"], load(ROBOT), COM, FRAME)
+    return Motion(sent["v"].copy(), -sent["v_rate_required"], u, com)
 
 
-def follow(case: str, law: Law, seconds: float) -> Motion:
-    """One trial."""
-    settings = law_settings(law, case)
-    return move(settings["controller"], seconds, **settings["parameters"])
-
-
-def run_trials(
-    say: Callable[[str], None] = lambda _: None, seconds: Mapping[str, float] = SECONDS
-) -> Trials:
+def run_trials(say: Say) -> Trials:
     """Every law in each case."""
     trials = {}
     for case, law in ((case, law) for case in CASES for law in LAWS):
-        say(f"case {case}, {law}: {seconds[case]:g} s")
-        trials[case, law] = follow(case, law, seconds[case])
+        say(f"case {case}, {law}: {SECONDS[case]:g} s")
+        trials[case, law] = move(law_settings(law, case), SECONDS[case])
     return trials
 
 
 def plain_pinv() -> Motion:
     """400 ms of u = −10 J⁺e, without Ψ."""
-    return move("pinv", 0.4, law="plain", gain_per_s=10.0)
-
-
-def com_path(positions: Array, seen_from: str = FRAME) -> Array:
-    """Centre of mass, (ticks, 3) [m], for joint positions, (ticks, n) [rad]."""
-    return point_path(positions, load(ROBOT), COM, seen_from)
+    parameters = {**TASK, "law": "plain", "gain_per_s": 10.0}
+    return move({"controller": "pinv", "parameters": parameters}, 0.4)
