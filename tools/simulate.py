@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, DescriptionError, Hoap3Error
+from hoap3.protocol.errors import ConfigError, Hoap3Error
 from hoap3.protocol.link.base import DelayModel, LockstepLink
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
@@ -20,19 +17,18 @@ from hoap3.protocol.runtime.deadlines import Deadlines
 from hoap3.protocol.runtime.recorder import MemoryRecorder, Recorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.config import read_config as read_controller_config
-from hoap3.remote_controller.controllers.base import Controller, mismatch
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.remote_controller.pairs import DEFAULT_CONFIG, configs_for, robots_for
-from hoap3.remote_controller.registry import find
-from hoap3.robot_emulator.config import EmulatorConfig, available_configs
-from hoap3.robot_emulator.config import read_config as read_emulator_config
+from hoap3.remote_controller.pairs import DEFAULT_CONFIG
+from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import RobotLoop
-from hoap3.robot_emulator.robots import available as available_robots
-from hoap3.robot_emulator.robots import load_configured
-from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, absolute, is_source
-from hoap3.robot_emulator.service import build_loop, describe
-from hoap3.tools.logs.motion_files import as_written, enclosed
+from hoap3.robot_emulator.service import build_loop
+from hoap3.tools.logs.motion_files import as_written
+from hoap3.tools.services.configs import (
+    load_controller_config,
+    load_emulator_config,
+    resolve_configs,
+)
 
 REPORTED_TICKS = 100  # after so many ticks the progress is told
 
@@ -62,7 +58,7 @@ class Lockstep:
         files: tuple[str, str] = ("config", "config"),
         steer: Callable[[ControllerLoop], None] | None = None,
     ) -> None:
-        emulator, description = suited(emulator, controller, files)
+        emulator, description = resolve_configs(emulator, controller, files)
         self.clock = clock = VirtualClock()
         compute_time = round(emulator.lockstep.compute_time_us * 1e3)
         self.link = LockstepLink(self._exchange, clock, compute_time, fate)
@@ -185,117 +181,23 @@ def simulate(
     """
     if not duration > 0.0:
         raise ConfigError("simulate", "duration", duration, "is not positive", "Give seconds")
-    emulator = emulator_settings(robot, seed)
+    emulator, file = load_emulator_config(robot, seed=seed)
     log, robot_log = MemoryRecorder(), MemoryRecorder()
-    files = "simulate(robot)", controller_file(controller)
-    law = enclosed(controller_settings(controller), files[1])
-    lockstep = Lockstep(emulator, law, robot_log, log, fate, files, steer)
+    settings, controller_file = load_controller_config(controller)
+    files = file, controller_file
+    lockstep = Lockstep(emulator, settings, robot_log, log, fate, files, steer)
     lockstep.run(duration, report=report)
     return Simulation(
-        states=_table(robot_log.payloads(Kind.STATE), State),
-        setpoints=_table(log.payloads(Kind.SETPOINT), Setpoint),
+        states=table_of(robot_log.payloads(Kind.STATE), State),
+        setpoints=table_of(log.payloads(Kind.SETPOINT), Setpoint),
         log=log,
         deadlines=lockstep.robot.validator.deadlines,
         controller=lockstep.controller,
     )
 
 
-def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
-    """Settings named by a config, or the defaults for a robot that is named or lies at a path."""
-    if robot in available_configs():  # a name comes before a folder that is called so
-        return read_emulator_config(robot)
-    path = Path(robot)
-    if robot in available_robots():
-        return {"robot": robot}, f"robot {robot}"
-    if robot.startswith(f"{DESCRIPTIONS}:"):
-        return {"robot": robot}, f"robot {robot}"
-    if os.path.isdir(robot) or path.name == "robot.yaml" or is_source(robot):
-        return {"robot": absolute(robot, Path())}, f"robot {robot}"
-    return read_emulator_config(robot)
-
-
-def emulator_settings(
-    robot: str | Path | Mapping[str, Any] | EmulatorConfig, seed: int
-) -> EmulatorConfig:
-    """Settings of an emulator, however `simulate` was given them."""
-    if isinstance(robot, EmulatorConfig):
-        return robot.model_copy(update={"seed": seed})
-    given = _named(robot, "robot")
-    content, file = (
-        emulator_content(given) if isinstance(given, str) else (given, "simulate(robot)")
-    )
-    return parse(EmulatorConfig, {**content, "seed": seed}, file)
-
-
-def suited(
-    emulator: EmulatorConfig,
-    controller: ControllerConfig,
-    files: tuple[str, str] = ("config", "config"),
-) -> tuple[EmulatorConfig, RobotDescription]:
-    """The robot as a controller needs it: its settings, and its description.
-
-    Where its config leaves `command` open, that is the first of what the controller gives, in the
-    controller's order, that the robot can take.
-
-    Args:
-        emulator, controller, files: settings of both, and where they stand, for errors.
-
-    Raises:
-        UsageError: there is no such robot, or no such controller, or the robot can take nothing
-            that the controller gives, or not what it is told to take.
-    """
-    if emulator.command is not None:
-        return emulator, describe(emulator, files[0])
-    gives, robot = (
-        find(controller.controller, files[1]).commands,
-        load_configured(emulator.robot, files[0], emulator.tip, emulator.lock_joints),
-    )
-    for kind in gives:
-        if kind in robot.command_kinds:
-            emulator = emulator.model_copy(update={"command": kind})
-            return emulator, describe(emulator, files[0], robot)
-    others = _other_pairs(files[1], robot.name)
-    raise DescriptionError(f"{mismatch(gives, robot)}: these two do not run together. {others}")
-
-
-def _other_pairs(file: str, robot: str) -> str:
-    """What runs instead of a pair that does not, in words."""
-    configs, robots = configs_for(robot), robots_for(file)
-    choices = [f"--robot {' or '.join(robots)}"] if robots else []
-    choices += [f"a config for {robot!r}: {', '.join(configs)}"] if configs else []
-    return f"Take {', or '.join(choices)}" if choices else "Choose another robot or controller"
-
-
-def controller_settings(
-    controller: str | Path | Mapping[str, Any] | ControllerConfig,
-) -> ControllerConfig:
-    """Settings of a controller, however `simulate` was given them."""
-    if isinstance(controller, ControllerConfig):
-        return controller
-    given = _named(controller, "controller")
-    if isinstance(given, str):
-        return parse(ControllerConfig, *read_controller_config(given))
-    return parse(ControllerConfig, given, "simulate(controller)")
-
-
-def controller_file(controller: str | Path | Mapping[str, Any] | ControllerConfig) -> str:
-    """Where the settings of a controller stand, beside which other files are sought."""
-    if isinstance(controller, str | Path):
-        return read_controller_config(str(controller))[1]
-    return "simulate"
-
-
-def _named(given: object, what: str) -> str | dict[str, Any]:
-    """A name or path as text, or settings as they are."""
-    if isinstance(given, str | Path):
-        return str(given)
-    if isinstance(given, Mapping):
-        return dict(given)
-    remedy = f"Give a name, a path, or settings such as {{'{what}': …}}"
-    raise ConfigError("simulate", what, type(given).__name__, "names no " + what, remedy)
-
-
-def _table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> np.ndarray[Any, Any]:
+def table_of(payloads: list[bytes], message: type[State] | type[Setpoint]) -> np.ndarray[Any, Any]:
+    """Messages of one layout as a structured array."""
     schema = message.schema
     if not payloads:
         return np.zeros(0, schema.dtype({}))

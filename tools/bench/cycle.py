@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import MonotonicClock
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.tools.bench.reference import reference
-from hoap3.tools.bench.timing import BATCH, BLOCKS, SETTLE, Contender, Report, race, silent
-from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
+from hoap3.tools.bench.case_runner import (
+    BATCH,
+    BLOCKS,
+    SETTLE,
+    Case,
+    Report,
+    reference,
+    silent,
+    time_cases,
+)
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.simulate import Lockstep
 
-STATES = 512
+STATES, MOTION_STATES = 512, 256
+FIRST = 10  # State of a motion: those before belong to the start
 PAPER_US = 272.2
 """CoM 160.95, Jacobian 109.85 and QP12 1.36, as the QP12 paper measured them in section V-B."""
 
@@ -29,11 +40,12 @@ def bench_cycle(
     between the bytes of a State and the bytes of its Setpoint. Both walk along a motion
     of the robot that the config names.
     """
-    config = controller_settings(controller)
-    description, payloads = motion(config, samples + BLOCKS * (SETTLE + BATCH))
+    ticks = samples + BLOCKS * (SETTLE + BATCH)
+    robot = load_controller_config(controller)[0].robot
+    config, description, payloads = record_motion(robot, controller, (ticks + 1) * 1e-3)
     step = _step(f"{controller} step", config, description, payloads)
     answer = _answer(f"{controller} answer", config, description, payloads)
-    times = race([step, answer, reference()], samples, report=report)
+    times = time_cases([step, answer, reference()], samples, report=report)
     paper = {"mean_us": PAPER_US} if description.name == "hoap3" else None
     return [
         {
@@ -47,33 +59,62 @@ def bench_cycle(
     ]
 
 
-def motion(config: ControllerConfig, ticks: int) -> tuple[RobotDescription, list[bytes]]:
-    """The robot that a controller's config names, and so many States of a motion of it, or more."""
-    log = MemoryRecorder()
-    lockstep = Lockstep(emulator_settings(config.robot, 0), config, log, NoRecorder())
-    lockstep.run((ticks + 1) * 1e-3)
-    payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
-    return lockstep.controller.description, payloads
+def record_motion(
+    emulator: str | Mapping[str, Any], controller: str | Mapping[str, Any], duration: float
+) -> tuple[ControllerConfig, RobotDescription, list[bytes]]:
+    """A controller's config, its robot, and the States of a motion of `duration` [s] in lockstep.
+
+    Args:
+        emulator, controller: names of configs, or settings.
+        duration: of the motion [s].
+    """
+    log, config = MemoryRecorder(), load_controller_config(controller)[0]
+    lockstep = Lockstep(load_emulator_config(emulator, seed=0)[0], config, log, NoRecorder())
+    lockstep.run(duration)
+    return config, lockstep.controller.description, log.payloads(Kind.STATE)
+
+
+def motion(
+    emulator: str | Mapping[str, Any],
+    controller: str | Mapping[str, Any],
+    duration: float,
+    *,
+    every: bool = False,
+) -> tuple[Any, list[State]]:
+    """A controller after its reset, and States of a motion in lockstep, in their order.
+
+    Args:
+        emulator, controller, duration: as of `record_motion`.
+        every: whether all States are wanted, not only some 256 of them.
+    """
+    config, description, payloads = record_motion(emulator, controller, duration)
+    stride = 1 if every else max(1, len(payloads) // MOTION_STATES)
+    states = [_state(description, payload) for payload in payloads[FIRST::stride]]
+    law = build(config, description)
+    law.reset(states[0], None)
+    return law, states
+
+
+def _state(description: RobotDescription, payload: bytes) -> State:
+    state = State.allocate(**description.state_lengths)
+    state.load(payload)
+    return state
 
 
 def _step(
     name: str, config: ControllerConfig, description: RobotDescription, payloads: list[bytes]
-) -> Contender:
+) -> Case:
     law = build(config, description)
-    states = []
-    for payload in payloads[:: max(1, len(payloads) // STATES)]:
-        state = State.allocate(**description.state_lengths)
-        state.load(payload)
-        states.append((state,))
+    some = payloads[:: max(1, len(payloads) // STATES)]
+    states = [(_state(description, payload),) for payload in some]
     law.reset(states[0][0], None)
-    return Contender(name, law.step, states)
+    return Case(name, law.step, states)
 
 
 def _answer(
     name: str, config: ControllerConfig, description: RobotDescription, payloads: list[bytes]
-) -> Contender:
-    state = State.allocate(**description.state_lengths)
-    state.load(payloads[0])
+) -> Case:
+    state = _state(description, payloads[0])
     loop = ControllerLoop(
         build(config, description), MonotonicClock(), NoRecorder(), state.session_id
     )
@@ -83,4 +124,4 @@ def _answer(
         loop.answer(0, payload)
         loop.sent()
 
-    return Contender(name, answer, [(payload,) for payload in payloads])
+    return Case(name, answer, [(payload,) for payload in payloads])

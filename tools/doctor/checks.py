@@ -9,8 +9,12 @@ from __future__ import annotations
 
 import re
 import resource
+from collections.abc import Iterator
+from itertools import pairwise
 
 from hoap3.protocol.config.settings import LogSettings
+from hoap3.protocol.runtime.deadlines import Durations
+from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.doctor.system import Finding, System
 
@@ -18,6 +22,12 @@ ROOM = 2 * LogSettings().cap_mb * 1_000_000  # bytes: one run, both sides
 LEAST_ROOM = 100_000_000
 SLOW_DISK = 5_000_000  # bytes/s; HOAP-3 at 1 kHz writes some 0.3 MB/s, both sides together
 IDLE_EXIT_US = 100  # a tenth of a period spent on waking up
+READS = 2000
+COARSE_NS, SLOW_NS = 1_000, 2_000  # of a step, of a reading: a cycle has some fifteen stamps
+USELESS_NS = 100_000
+PERIOD_NS = 1_000_000
+TICKS = 300
+LATE_US = 250.0  # a quarter of a period is gone before anything is done
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23
 _CPU = "sys/devices/system/cpu"
 
@@ -120,10 +130,9 @@ def virtualisation(system: System) -> Finding:
 
 def cpu_quota(system: System) -> Finding:
     """Does a control group stop everything for the rest of each period?"""
-    shares = [share for share in map(_quota, *_quota_files(system)) if share is not None]
-    if not shares:
+    share = min(_quotas(system), default=None)
+    if share is None:
         return Finding("CPU quota", "ok", "none")
-    share = min(shares)
     found = f"{share:.2f} CPUs; once used up, everything stands still until the next period"
     remedy = "Take the limit away: docker without --cpus, Kubernetes without limits.cpu, CPUQuota="
     return Finding("CPU quota", "problem" if share < 1 else "advice", found, remedy)
@@ -161,34 +170,56 @@ def log_disk(system: System) -> Finding:
     return Finding("disk for logs", "ok", found)
 
 
+def clock(system: System) -> Finding:
+    """How fine is the monotonic clock, and what does a reading cost?"""
+    now = system.clock.now
+    stamps = [now() for _ in range(READS)]
+    steps = [after - before for before, after in pairwise(stamps)]
+    if min(steps) < 0 or not any(steps):
+        remedy = "`dmesg | grep -i clocksource` says why; on a VM update the hypervisor"
+        return Finding("clock", "problem", "stands still or goes back", remedy)
+    finest = min(step for step in steps if step)
+    cost = (stamps[-1] - stamps[0]) / (READS - 1)
+    found = f"steps of {finest} ns, {cost:.0f} ns a reading"
+    if finest >= USELESS_NS:
+        remedy = "Boot without clocksource=; `dmesg | grep -i clocksource` says what was wrong"
+        return Finding("clock", "problem", found, remedy)
+    if finest > COARSE_NS or cost > SLOW_NS:
+        remedy = "Boot with clocksource=tsc if `dmesg | grep -i tsc` calls it stable"
+        return Finding("clock", "advice", found, remedy)
+    return Finding("clock", "ok", found)
+
+
+def wake_up(system: System) -> Finding:
+    """How late does a loop of ordinary priority wake up?"""
+    ticker = Ticker(system.clock, PERIOD_NS, system.clock.now() + PERIOD_NS)
+    late, skipped = Durations(), 0
+    while ticker.tick < TICKS:
+        ticker.wait()
+        late.add(ticker.actual - ticker.intended)
+        skipped += ticker.skipped
+    figures = late.summary()
+    found = (
+        f"p50 {figures['p50']:.0f}, p99 {figures['p99']:.0f}, max {figures['max']:.0f} us; "
+        f"{skipped} of {ticker.tick + 1} ticks skipped, at ordinary priority"
+    )
+    share = skipped / (ticker.tick + 1)
+    if share > 0.01 or figures["p50"] > LATE_US:
+        remedy = "Real-time priority; else load, governor, idle states, virtualisation, CPU quota"
+        return Finding("wake-up", "problem" if share > 0.1 else "advice", found, remedy)
+    return Finding("wake-up", "ok", found)
+
+
 def _amount(limit: int) -> str:
     return "unlimited" if limit == resource.RLIM_INFINITY else str(limit)
 
 
-def _quota_files(system: System) -> tuple[list[str], list[str]]:
-    """Quota and period of every control group that this process is in."""
-    quotas, periods = [], []
-    for line in system.text("proc/self/cgroup").splitlines():
-        controllers, _, path = line.partition(":")[2].partition(":")
-        if not controllers:
-            mounts, names = ("sys/fs/cgroup", "sys/fs/cgroup/unified"), ("cpu.max", "cpu.max")
-        elif "cpu" in controllers.split(","):
-            mounts = ("sys/fs/cgroup/cpu", "sys/fs/cgroup/cpu,cpuacct")
-            names = ("cpu.cfs_quota_us", "cpu.cfs_period_us")
-        else:
-            continue
-        parts = [part for part in path.split("/") if part not in {"", ".."}]
-        for depth in range(len(parts) + 1):
-            for mount in mounts:
-                folder = "/".join([mount, *parts[:depth]])
-                quotas.append(system.text(f"{folder}/{names[0]}"))
-                periods.append(system.text(f"{folder}/{names[1]}"))
-    return quotas, periods
-
-
-def _quota(quota: str, period: str) -> float | None:
-    """CPUs that a quota leaves, or None where there is none; `cpu.max` has both in one line."""
-    amount, length = quota.split()[:1], period.split()[-1:]
-    if not amount or not length or not amount[0].isdecimal() or not length[0].isdecimal():
-        return None
-    return int(amount[0]) / int(length[0]) if int(length[0]) else None
+def _quotas(system: System) -> Iterator[float]:
+    """CPUs that the quota of each control group that this process is in leaves."""
+    groups = re.search(r"^0::/?(.*)$", system.text("proc/self/cgroup"), re.MULTILINE)
+    parts = [part for part in groups[1].split("/") if part not in {"", ".."}] if groups else []
+    for depth in range(len(parts) + 1):
+        folder = "/".join(["sys/fs/cgroup", *parts[:depth]])
+        quota, _, period = system.text(f"{folder}/cpu.max").partition(" ")
+        if quota.isdecimal() and period.isdecimal() and int(period):
+            yield int(quota) / int(period)

@@ -10,12 +10,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from hoap3.tools.doctor import checks, probes
+from hoap3.tools.analysis.output import print_json, print_note, results
+from hoap3.tools.doctor import checks
 from hoap3.tools.doctor.system import Finding, Level, System
 from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.services.placement import remember
-from hoap3.tools.services.placement_probe import measure_placement
-from hoap3.tools.show.output import print_json, print_note, results
+from hoap3.tools.services.placement import measure_placement, remember
 
 Check = Callable[[System], Finding]
 
@@ -31,7 +30,7 @@ LOOKS: tuple[Check, ...] = (
 )
 """Take no time to speak of."""
 
-MEASURES: tuple[Check, ...] = (probes.clock, probes.wake_up, checks.log_disk)
+MEASURES: tuple[Check, ...] = (checks.clock, checks.wake_up, checks.log_disk)
 """Take a second together, and load the machine a little."""
 
 LARGE_RTT_US, LARGE_TAIL_US = 500.0, 1000.0  # half a period, and a whole one

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock
+from hoap3.tools.machine.machine import file_text
 
 Level = Literal["ok", "advice", "problem"]
 
@@ -133,11 +134,7 @@ class System:
 
     def text(self, path: str) -> str:
         """What a file says, without white space around it; "" where it cannot be read."""
-        try:
-            content = (self.root / path).read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return ""
-        return content.strip()
+        return file_text(self.root / path)
 
     def number(self, path: str) -> int | None:
         """The integer that a file begins with, or None."""

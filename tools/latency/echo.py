@@ -15,8 +15,7 @@ import subprocess
 import sys
 from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,23 +24,13 @@ from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock
 from hoap3.protocol.runtime.realtime import Ticker, prepare_process, schedule_start
-from hoap3.tools.machine.processes import Child, die_with_parent, read_order, start_module, tcp_pair
-from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.analysis.cycles import NEVER
+from hoap3.tools.machine.processes import Child, die_with_parent, read_order, tcp_pair
 
 Stamps = npt.NDArray[np.int64]
 
 _TICK = struct.Struct("<q")  # the first bytes of a question, and of its answer
 _PATIENCE_S = 30.0  # for what should take no time at all
-
-
-class Peer(Protocol):
-    """Who answers."""
-
-    def send(self, question: bytearray) -> None:
-        """Send a question."""
-
-    def receive(self, deadline: int) -> bytes | None:
-        """The next answer, waited for until `deadline` [ns] at most; None where none came."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +64,7 @@ class Exchanges:
         return np.where(known, (self.arrival - self.sent).astype(float), np.nan)
 
 
-def exchange(peer: Peer, clock: Clock, ticks: int, period_ns: int, size: int) -> Exchanges:
+def exchange(peer: TcpPeer, clock: Clock, ticks: int, period_ns: int, size: int) -> Exchanges:
     """Ask at each tick, answered or not: the schedule waits for nobody.
 
     It lies half a period beside that of a robot on this machine.
@@ -147,7 +136,7 @@ class TcpPeer:
 
 
 class BareEcho:
-    """Two processes that wait for `begin`; then one asks and the other answers.
+    """Two processes that wait for `begin`; then one asks and the other answers, until `close`.
 
     Args:
         order: `ticks`, `period_ns`, and `sizes`, bytes of a question and of an answer.
@@ -164,8 +153,9 @@ class BareEcho:
         try:
             for side, end, realtime in (("answer", far, answers), ("ask", near, asks)):
                 fds = [end.fileno(), waits]
-                whole = {**order, "side": side, "fds": fds, "realtime": _plain(realtime)}
-                self._children.append(start_module("hoap3.tools.latency.echo", whole, fds))
+                whole = {**order, "side": side, "fds": fds, "realtime": realtime}
+                module = ["hoap3.tools.latency.echo"]
+                self._children.append(Child(module, whole, fds, stdout=subprocess.PIPE))
         except BaseException:
             self.close()
             raise
@@ -173,19 +163,6 @@ class BareEcho:
             near.close()
             far.close()
             os.close(waits)
-
-    def __enter__(self) -> Self:
-        """Nothing more."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """End both."""
-        self.close()
 
     def begin(self) -> None:
         """Let the one ask."""
@@ -222,15 +199,11 @@ class BareEcho:
             self._go = -1
 
 
-def _plain(settings: RealtimeSettings) -> dict[str, Any]:
-    return settings.model_dump(mode="json")
-
-
 def main() -> None:
     """Be one of the two; the order comes on standard input, stamps go to standard output."""
     die_with_parent()
     order = read_order()
-    prepare_process(RealtimeSettings(**order["realtime"]))
+    prepare_process(order["realtime"])
     question, answer = order["sizes"]
     connection, go = order["fds"]
     with socket.socket(fileno=connection) as stream:

@@ -11,36 +11,53 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
+from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.table import Table
 
 from hoap3.protocol.config.settings import RealtimeSettings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.deadline_verdict import FAIL, MISSES_TO_STOP, NOT_JUDGED
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
+from hoap3.tools.analysis.output import results
+from hoap3.tools.analysis.summary import (
+    add_deadlines,
+    coloured_verdict,
+    durations_table,
+    known,
+    machine_line,
+)
+from hoap3.tools.analysis.tick_metrics import percentiles, tick_figures
+from hoap3.tools.analysis.ticks import TickTable
+from hoap3.tools.bench.case_runner import median_ratio, run_in_turn
 from hoap3.tools.latency.echo import BareEcho, Exchanges
 from hoap3.tools.latency.nodes import NullController
-from hoap3.tools.latency.secured import TLS, secured
 from hoap3.tools.logs.log import Log
-from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, link
+from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, free_port, link
 from hoap3.tools.machine.machine import machine_block
+from hoap3.tools.machine.stalls import limited
+from hoap3.tools.services.certificates import init, issue
+from hoap3.tools.services.messages import LoopEvent, Message
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.run import run_realtime
-from hoap3.tools.timing.tick_metrics import percentiles, tick_figures
-from hoap3.tools.timing.ticks import TickTable
 
 WARM_UP = 200
 """Ticks at the begin of each block that enter no figure: caches, branch predictors, sockets."""
 
+TLS = "tls"
+VALID = timedelta(days=1)
+CERTIFIED = "latency_controller"
 NULL_CONTROLLER = f"{NullController.__module__}:{NullController.__qualname__}"
 _NEVER_STOP = 1_000_000_000  # misses in a row: a measurement goes on, and says how many there were
 
@@ -94,23 +111,28 @@ def measure_latency(
         tempfile.TemporaryDirectory(prefix="hoap3-latency-") as scratch,
     ):
         folder = plan.out or Path(scratch)
-        for block in range(plan.blocks):
-            progress(f"block {block + 1} of {plan.blocks}: {transport(plan.link)}")
-            try:
-                if plan.link == TLS:
-                    with link("tcp") as pair:
-                        one = folder / f"plain{block}"
-                        plain.append(_block(plan, sides, pair, one, should_stop)[0])
-                with _link(plan.link, description.name) as pair:
-                    one = folder / f"block{block}"
-                    table, echo, said = _block(plan, sides, pair, one, should_stop)
-            except Hoap3Error:
-                if not should_stop():
-                    raise
-            if should_stop():
-                break
-            tables.append(table)
-            echoes.append(echo)
+
+        def block(name: str, kind: str) -> tuple[TickTable, Exchanges, list[str]]:
+            progress(f"block {len(tables) + 1} of {plan.blocks}: {transport(kind)}")
+            with _link(kind, description.name) as pair:
+                one = folder / f"{name}{len(tables)}"
+                return _block(plan, sides, pair, one, should_stop)
+
+        turns = {"plain": partial(block, "plain", "tcp")} if plan.link == TLS else {}
+        turns["block"] = partial(block, "block", plan.link)
+        try:
+            for _, name, (table, echo, granted) in run_in_turn(turns, plan.blocks):
+                if should_stop():
+                    break
+                if name == "plain":
+                    plain.append(table)
+                    continue
+                tables.append(table)
+                echoes.append(echo)
+                said = granted
+        except Hoap3Error:
+            if not should_stop():
+                raise
     if not tables:
         raise Hoap3Error("interrupted before the first block was complete")
     return {
@@ -176,19 +198,19 @@ def compare(tables: Sequence[TickTable], echoes: Sequence[Exchanges]) -> dict[st
     """
     blocks = []
     for table, echo in zip(tables, echoes, strict=True):
-        ours, theirs = percentiles(table.stage("rtt")), percentiles(echo.rtt)
-        known = ours["n"] and theirs["n"]
+        ours = percentiles(table.stage("rtt")).get("p50")
+        theirs = percentiles(echo.rtt).get("p50")
         blocks.append(
             {
-                "rtt_p50_us": ours.get("p50"),
-                "echo_rtt_p50_us": theirs.get("p50"),
-                "ratio": ours["p50"] / theirs["p50"] if known else None,
+                "rtt_p50_us": ours,
+                "echo_rtt_p50_us": theirs,
+                "ratio": median_ratio([ours], [theirs]),
                 "echo_skipped": echo.skipped,
             }
         )
-    ratios = [block["ratio"] for block in blocks if block["ratio"] is not None]
+    columns = ([block[name] for block in blocks] for name in ("rtt_p50_us", "echo_rtt_p50_us"))
     return {
-        "rtt_ratio": float(np.median(ratios)) if ratios else None,
+        "rtt_ratio": median_ratio(*columns),
         "echo_rtt_us": percentiles(np.concatenate([echo.rtt for echo in echoes])),
         "blocks": blocks,
     }
@@ -233,10 +255,10 @@ def _block(
     ticks, period_s = plan.ticks + WARM_UP, description.period_s
     period_ns = round(period_s * 1e9)
     order = {"ticks": ticks, "period_ns": period_ns, "sizes": sizes(plan, description)}
-    with BareEcho(order, robot, controller) as echo:
+    with closing(BareEcho(order, robot, controller)) as echo:
 
-        def begin_when_granted(news: dict[str, Any]) -> None:
-            if news.get("kind") == "granted":
+        def begin_when_granted(message: Message) -> None:
+            if isinstance(message, LoopEvent) and message.name == "granted":
                 echo.begin()
 
         summary = run_realtime(
@@ -278,3 +300,95 @@ def _placement(
     finally:
         for claim in claims:
             claim.release()
+
+
+@contextmanager
+def secured(robot: str) -> Iterator[LinkPair]:
+    """Settings for both sides; their certificates exist until this ends.
+
+    Raises:
+        NotInstalledError: cryptography is not installed.
+    """
+    endpoint = f"{TLS}/127.0.0.1:{free_port()}"
+    with tempfile.TemporaryDirectory(prefix="hoap3-certs-") as folder:
+        certs = Path(folder)
+        init(certs, VALID)
+        issue(certs, robot, "robot", [], VALID)
+        issue(certs, CERTIFIED, "controller", [], VALID)
+        yield (
+            {"listen": (endpoint,), "secure": str(certs / robot)},
+            {"connect": (endpoint,), "secure": str(certs / CERTIFIED)},
+        )
+
+
+def show_latency(found: dict[str, Any]) -> None:
+    """Print the figures of `measure_latency` or `analyse_log`."""
+    results.print(_verdict(found))
+    if "rtt_us" in found:
+        results.print(_durations(found))
+        results.print(_worst(found["worst"]))
+    results.print(machine_line(found), markup=False)
+    for measure in found.get("realtime", []):
+        results.print(f"  {measure}", markup=False)
+    if found["log"]:
+        results.print(f"log: {found['log']}", markup=False, soft_wrap=True)
+
+
+def _verdict(found: dict[str, Any]) -> Table:
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_row(
+        "deadlines", coloured_verdict(found["verdicts"]["deadlines"], found["deadlines"]["text"])
+    )
+    add_deadlines(table, found)
+    if found["host_stalls"] is None:
+        table.add_row("host stalls", "not watched: every figure is raw")
+    else:
+        stalls, outside = found["host_stalls"], found["success_rate"]["outside_stalls"]
+        table.add_row(
+            "host stalls",
+            f"{stalls['n']}, together {stalls['total_ms']:.1f} ms, longest "
+            f"{stalls['longest_ms']:.1f} ms; outside them {found['misses_outside_stalls']} misses, "
+            f"rate {known(outside, '.5f')}",
+        )
+        if told := limited(stalls):
+            table.add_row("CPU time", told)
+    guilty = ", ".join(f"{name} {count}" for name, count in found["guilty"].items())
+    table.add_row("guilty", guilty or "none: no miss")
+    if found["rtt_ratio"] is not None:
+        ratios = ", ".join(f"{block['ratio']:.1f}" for block in found["blocks"] if block["ratio"])
+        table.add_row("RTT ÷ echo", f"{found['rtt_ratio']:.2f}, median of {ratios}")
+    if found["warm_up_ticks"]:
+        table.add_row("warm-up", f"first {found['warm_up_ticks']} ticks of each block left out")
+    if found.get("virtual_time"):
+        table.add_row("time", "virtual: durations say nothing of a machine")
+    if found.get("missing"):
+        table.add_row("missing", found["missing"])
+    return table
+
+
+def _durations(found: dict[str, Any]) -> Table:
+    rows = {"RTT": found["rtt_us"], "bare echo": found["echo_rtt_us"] or {"n": 0}}
+    if found.get("plain_rtt_us"):
+        rows["RTT in plain"] = found["plain_rtt_us"]
+    rows |= {"response": found["response_us"]}
+    rows |= {f"  {name}": stage for name, stage in found["stages_us"].items()}
+    return durations_table(rows, found["jitter_us"])
+
+
+def _worst(ticks: list[dict[str, Any]]) -> Table:
+    table = Table(box=None, pad_edge=False, title="longest round trips, us", title_justify="left")
+    for name in ("block", "tick", "RTT"):
+        table.add_column(name, justify="right")
+    for name in ("outcome", "guilty", "its three longest stages"):
+        table.add_column(name)
+    for tick in ticks:
+        stages = sorted(tick["stages_us"].items(), key=lambda pair: -pair[1])[:3]
+        table.add_row(
+            str(tick["block"]),
+            str(tick["tick"]),
+            f"{tick['rtt_us']:.0f}",
+            tick["outcome"],
+            tick["guilty"] or "",
+            ", ".join(f"{name} {length:.0f}" for name, length in stages),
+        )
+    return table

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import tempfile
 from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cached_property
 from typing import Any
@@ -15,11 +15,15 @@ import numpy.typing as npt
 
 from hoap3.protocol.errors import LogError, WireError
 from hoap3.protocol.messages import Schema
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log_format import Layout
 
 Table = npt.NDArray[Any]
 Places = npt.NDArray[np.int64]
 LogMessage = tuple[int, int, int, int, bytes]
 """Channel, sequence, log time [ns], publish time [ns], data."""
+
+_KINDS = {int(kind): kind for kind in Kind}
 
 PART = 20_000
 """Rows that are processed together, where what is computed of each takes much memory."""
@@ -69,23 +73,48 @@ class DiskRows:
         except OSError as error:
             raise _no_room(error) from error
         self._sizes.append(len(message))
+        for derived in ("raw", "_ends"):  # of the rows so far
+            self.__dict__.pop(derived, None)
+
+    def flush(self) -> None:
+        """Write what is buffered, so that a process that is forked cannot write it again.
+
+        Raises:
+            LogError: there is no room for it.
+        """
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise _no_room(error) from error
 
     @property
     def sizes(self) -> Places:
         """Bytes of each, (N,)."""
         return np.array(self._sizes, np.int64)
 
-    @property
+    @cached_property
     def raw(self) -> Table:
         """All of them, (bytes,) of uint8; it cannot be written to."""
         if not self.sizes.any():
             return np.frombuffer(b"", np.uint8)
         try:
-            self._file.flush()
-            mapped = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
+            self.flush()
+            length = int(self.sizes.sum())
+            mapped = mmap.mmap(self._file.fileno(), length, access=mmap.ACCESS_READ)
         except OSError as error:
             raise _no_room(error) from error
         return np.frombuffer(mapped, np.uint8)
+
+    @cached_property
+    def _ends(self) -> Places:
+        return np.cumsum(self.sizes)
+
+    def some(self, places: Places) -> Iterator[bytes]:
+        """Messages by their places."""
+        ends, raw = self._ends[places], self.raw.data
+        begins = ends - self.sizes[places]
+        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+            yield bytes(raw[begin:end])
 
     def table(self, dtype: np.dtype[Any]) -> Table:
         """All of them as a structured array, (N,); it cannot be written to.
@@ -112,22 +141,40 @@ class MessageTable:
         self._schema, self._rows = schema, DiskRows()
         self._stamps, self._layout_of = array("q"), array("q")
         self._layouts: dict[tuple[int, ...], int] = {}
+        self._last = Layout(schema)
         self.unreadable = 0
 
-    def add(self, stamp: int, payload: bytes) -> None:
-        """Append a message with its log time [ns].
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def flush(self) -> None:
+        """As `DiskRows.flush`."""
+        self._rows.flush()
+
+    def add(self, stamp: int, payload: bytes) -> bool:
+        """Append a message with its log time [ns]; False for one without the schema.
 
         Raises:
             LogError: there is no room for it.
         """
-        try:
-            lengths = tuple(self._schema.lengths_in(payload).values())
-        except WireError:
-            self.unreadable += 1
-            return
-        self._layout_of.append(self._layouts.setdefault(lengths, len(self._layouts)))
+        if self._last.fits(payload):
+            layout = self._layout_of[-1]
+        else:
+            try:
+                lengths = self._last.learn(payload)
+            except WireError:
+                self.unreadable += 1
+                return False
+            layout = self._layouts.setdefault(tuple(lengths.values()), len(self._layouts))
+        self._layout_of.append(layout)
         self._stamps.append(stamp)
         self._rows.add(payload)
+        return True
+
+    def some(self, places: Places) -> Iterator[tuple[int, bytes]]:
+        """Log times [ns] and bytes of messages by their places."""
+        stamps = np.array(self._stamps, np.int64)[places].tolist()
+        return zip(stamps, self._rows.some(places), strict=True)
 
     @cached_property
     def rows(self) -> tuple[Places, Table]:
@@ -177,6 +224,54 @@ class MessageTable:
             for row in block[np.isin(which[part], list(layouts))]:
                 found.add(row.tobytes())
         return found
+
+
+class DiskRecords:
+    """Records of a log, unpacked once, in temporary files.
+
+    Args:
+        records: in the order in which they were processed.
+        schemas: of the kinds that are gathered in tables.
+
+    Attributes:
+        tables: of the messages of these kinds.
+    """
+
+    def __init__(self, records: Iterable[Record], schemas: Mapping[Kind, Schema]) -> None:
+        self.tables = {kind: MessageTable(schema) for kind, schema in schemas.items()}
+        self._others, stamps = DiskRows(), array("q")
+        kinds, places = array("B"), array("q")  # a place below 0 is ~place in the others
+        for record in records:
+            kind, stamp, payload = record
+            table = self.tables.get(kind)
+            if table is not None and table.add(stamp, payload):
+                places.append(len(table) - 1)
+            else:
+                self._others.add(payload)
+                stamps.append(stamp)
+                places.append(-len(stamps))
+            kinds.append(kind)
+        self._kinds, self._places = np.array(kinds), np.array(places, np.int64)
+        self._stamps = np.array(stamps, np.int64)
+        self._others.flush()
+        for table in self.tables.values():
+            table.flush()
+
+    def read(self, kinds: Collection[Kind] = ()) -> Iterator[Record]:
+        """The records, or those of some kinds, in their order."""
+        wanted = np.isin(self._kinds, list(kinds)) if kinds else np.ones(len(self._kinds), bool)
+        of_kind, places = self._kinds[wanted], self._places[wanted]
+        for part in parts(len(places)):
+            here, which = places[part], of_kind[part]
+            sources = {
+                kind: table.some(here[(which == kind) & (here >= 0)])
+                for kind, table in self.tables.items()
+            }
+            others = ~here[here < 0]
+            rest = zip(self._stamps[others].tolist(), self._others.some(others), strict=True)
+            for number, place in zip(which.tolist(), here.tolist(), strict=True):
+                kind = _KINDS[number]
+                yield Record(kind, *next(rest if place < 0 else sources[kind]))
 
 
 class SortedRows:

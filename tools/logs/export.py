@@ -12,19 +12,19 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hoap3.protocol.errors import NotInstalledError, UsageError
+from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.logs.atomic_write import whole_file
 from hoap3.tools.logs.disk_rows import parts
+from hoap3.tools.logs.files import whole_file
 from hoap3.tools.logs.log import Log
+from hoap3.tools.machine.machine import check_extra
 
 PER_JOINT = {"q", "dq", "tau", "reference", "values"}
 
@@ -84,8 +84,8 @@ def export(path: Path, to: Path, side: str = "robot", say: Say = lambda _: None)
     writers = {".csv": export_csv, ".parquet": export_parquet, ".npz": export_npz}
     if to.suffix not in writers:
         raise UsageError(f"{to}: cannot tell the format. End the name in .csv, .parquet or .npz")
-    if to.suffix == ".parquet" and find_spec("pyarrow") is None:
-        raise NotInstalledError("package", "pyarrow", "'hoap3[parquet]'")
+    if to.suffix == ".parquet":
+        check_extra("parquet")
     say("reading the log")
     log = Log.open(path, side if path.is_dir() else None)
     arrays = to.suffix == ".npz"
@@ -145,9 +145,7 @@ def export_csv(log: Log, out: Path, say: Say = lambda _: None) -> int:
         with draft.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(name for table in tables for name in table.columns)
-            for part in parts(len(tables[0])):
-                say(f"row {part.start} of {len(tables[0])}")
-                blocks = [each for table in tables for each in table.block(part)]
+            for blocks in _blocks(tables, say):
                 texts = [
                     [
                         "" if none else value
@@ -172,9 +170,7 @@ def export_parquet(log: Log, out: Path, say: Say = lambda _: None) -> int:
         columns = {name: dtype for table in tables for name, dtype in table.columns.items()}
         schema = pa.schema([(name, pa.from_numpy_dtype(dtype)) for name, dtype in columns.items()])
         with ParquetWriter(draft, schema) as writer:
-            for part in parts(len(tables[0])):
-                say(f"row {part.start} of {len(tables[0])}")
-                blocks = [each for table in tables for each in table.block(part)]
+            for blocks in _blocks(tables, say):
                 arrays = [pa.array(values, mask=absent) for values, absent in blocks]
                 writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
 
@@ -274,6 +270,13 @@ class _Table:
             if title in self._of:
                 found[title]["of"] = self._of[title]
         return found
+
+
+def _blocks(tables: tuple[_Table, _Table], say: Say) -> Iterator[list[tuple[Array, Array]]]:
+    """Of each block of rows the values of all columns, and which of them are absent."""
+    for part in parts(len(tables[0])):
+        say(f"row {part.start} of {len(tables[0])}")
+        yield [each for table in tables for each in table.block(part)]
 
 
 def _rows(

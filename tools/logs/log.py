@@ -1,41 +1,44 @@
 """Reads a log: whole or cut off, one file or several, as the records that were written.
 
-A log of an earlier wire version is read as one of today whose new arrays are empty. What a log
-says about files or code is never followed; names in it are keys, no more.
+What a log says about files or code is never followed; names in it are keys, no more.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import re
 import struct
-from collections.abc import Iterator, Sequence
+from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError, LogError, WireError
-from hoap3.protocol.messages import WIRE_VERSION
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.protocol.wire_versions import OLDEST
-from hoap3.tools.logs.disk_rows import MessageTable
+from hoap3.tools.logs.disk_rows import DiskRecords, MessageTable
+from hoap3.tools.logs.log_files import (
+    check_ours,
+    describe_damages,
+    files_of,
+    lost_at_begin,
+    unbroken,
+)
 from hoap3.tools.logs.log_format import (
     CHANNELS,
-    FORMAT,
-    LEAST_TOPICS,
     OF_OTHERS,
     SCHEMAS,
     SIDES,
-    TOPICS,
     pack_gap,
-    topic_name,
     unpack_message,
 )
 from hoap3.tools.logs.mcap_scan import Damage, McapMessage, McapScan
@@ -43,36 +46,111 @@ from hoap3.tools.logs.mcap_scan import Damage, McapMessage, McapScan
 Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]
 
-MOST_NAMED = 5  # damaged places that are named one by one
-LONGEST_PART = 9  # digits of a file's number
-VERSIONS = tuple(str(version) for version in range(OLDEST, WIRE_VERSION + 1))  # that are read
-
 NEVER_OURS = (
     *(WireError, LookupError, TypeError, ValueError),
     *(ArithmeticError, AttributeError, RecursionError),
 )
 """What reading a record may raise that no service of ours has written."""
 
-_FIRST = (Kind.DESCRIPTION, Kind.SESSION, Kind.CONFIG, Kind.TOKEN, Kind.REQUEST, Kind.AUTHORITY)
-_CYCLE = (Kind.STATE, Kind.EVENT, Kind.RESET, Kind.SETPOINT)
-_ORDER = {"robot": (*_FIRST, Kind.EVENT, *_CYCLE), "controller": (*_FIRST, *_CYCLE)}
-"""In which records of one log time are processed, where another tool has shuffled them."""
-_RISING = frozenset({CHANNELS["state"], CHANNELS["setpoint"]})
+KEPT = 4  # unpacked chunks, of some 1 MiB each
+Loaded = TypeVar("Loaded", State, Setpoint)
 
 _TABLES = (Kind.STATE, Kind.SETPOINT, Kind.EVENT)
-_NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 
 
-class Enclosed:
-    """Files that the logs of a side enclose.
+class Moment(NamedTuple):
+    """A State of a log, its answer, and the log times of both [ns]; None where there is none."""
+
+    state: State
+    stamp: int
+    setpoint: Setpoint | None
+    answered: int | None
+
+
+class Log:
+    """One side of a run.
+
+    Where a file is cut off or missing, the log ends, even if further files exist; those can be
+    opened by themselves. Damaged chunks of a file are skipped, and `missing` names them.
+
+    Args:
+        scans: the files, oldest first.
+        lost: what is lost behind them; None for nothing.
 
     Attributes:
-        paths: of the logs.
+        scans, paths: the files, oldest first.
+        robot, side: whose log it is.
+        metadata: facts by group; of several files, the last one that says something.
         attachments: enclosed files by name, the last one of each.
+        truncated: it ends early.
+        from_begin: the first file that was written is there.
+        damages: what cannot be read inside it, in words, "" for nothing.
+        missing: what is lost, in words, "" for nothing.
+        held, unreadable: messages of each kind that `table` last gave, and had to leave out.
+        unread: what `chunk` could not read so far: (chunk, place in it), None for all of a chunk.
     """
 
-    paths: list[Path]
-    attachments: dict[str, bytes]
+    def __init__(self, scans: list[McapScan], lost: str | None = None) -> None:
+        self.scans, self.truncated = scans, lost is not None
+        self.paths = [scan.path for scan in scans]
+        self.metadata = {name: f for scan in scans for name, f in scan.metadata.items()}
+        self.attachments = {name: data for scan in scans for name, data in scan.attachments.items()}
+        first = scans[0].metadata["log"]
+        self.robot, self.side = first["robot"], first["side"]
+        before = lost_at_begin(self.paths[0], first, self.metadata["log"])
+        self.from_begin = before is None
+        damages = [(scan, damage) for scan in scans for damage in scan.damages]
+        repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in scans]
+        doubts = [f"{scan.path.name}: {what}" for scan in scans for what in scan.doubts]
+        named = (*describe_damages(damages, self._begin), *doubts, *repaired)
+        self.damages = "; ".join(filter(None, named))
+        self.missing = "; ".join(filter(None, (before, self.damages, lost)))
+        self._unpacked: DiskRecords | None = None
+        self.held: dict[Kind, int] = {}
+        self.unreadable: dict[Kind, int] = {}
+        self._chunks = [
+            (scan, place, span) for scan in scans for place, span in enumerate(scan.spans)
+        ]
+        self._kept: OrderedDict[int, list[Record]] = OrderedDict()
+        self.unread = set[tuple[int, int | None]]()
+
+    @classmethod
+    def open(cls, path: Path | str, side: str | None = None) -> Log:
+        """Open a file, or all files of one side in the folder of a run.
+
+        Args:
+            path: `*.mcap` or a folder.
+            side: "robot" or "controller"; None for whatever there is, if it is one only.
+
+        Raises:
+            LogError: nothing there, not ours, of the other side, or of another version.
+        """
+        if side is not None and side not in SIDES:
+            raise LogError(f"{path}: no side is called {side!r}. Choose one of {', '.join(SIDES)}")
+        log = cls(*unbroken(files_of(Path(path), side)))
+        if side not in {None, log.side}:
+            raise LogError(f"{path}: is the log of the {log.side}. Name that of the {side}")
+        return log
+
+    @classmethod
+    def indexed(cls, path: Path, side: str | None = None) -> Log:
+        """Open a log without a look into its chunks: any moment of it within milliseconds.
+
+        Memory does not grow with the log. A damaged chunk is found when it is read.
+
+        Args:
+            path, side: as for `open`.
+
+        Raises:
+            LogError: as for `open`, or a log without any message.
+        """
+        scans = [McapScan.of(file, verify=False) for file in files_of(path, side)]
+        for scan in scans:
+            check_ours(scan)
+        log = cls(scans)
+        if not log.chunks:
+            raise LogError(f"{path}: holds no message. Name a log of `hoap3`")
+        return log
 
     @property
     def config(self) -> str:
@@ -123,65 +201,26 @@ class Enclosed:
             )
         return self.attachments[name]
 
-
-class Log(Enclosed):
-    """One side of a run.
-
-    Where a file is cut off or missing, the log ends, even if further files exist; those can be
-    opened by themselves. Damaged chunks of a file are skipped, and `missing` names them.
-
-    Attributes:
-        scans, paths: the files, oldest first.
-        robot, side: whose log it is.
-        wire_version: of its messages, as they were written.
-        metadata: facts by group; of several files, the last one that says something.
-        truncated: it ends early.
-        from_begin: the first file that was written is there.
-        damages: what cannot be read inside it, in words, "" for nothing.
-        missing: what is lost, in words, "" for nothing.
-        held, unreadable: messages of each kind that `table` last gave, and had to leave out.
-        others: how many messages lie on topics that are not ours.
-    """
-
-    def __init__(self, files: list[Path]) -> None:
-        self.scans, lost = _unbroken(files)
-        self.truncated = lost is not None
-        self.paths = [scan.path for scan in self.scans]
-        self.metadata = {name: f for scan in self.scans for name, f in scan.metadata.items()}
-        self.attachments = merge_attachments(self.scans)
-        first = self.scans[0].metadata["log"]
-        self.robot, self.side = first["robot"], first["side"]
-        self.wire_version = int(first["wire_version"])
-        before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
-        self.from_begin = before is None
-        damages = [(scan, damage) for scan in self.scans for damage in scan.damages]
-        repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self.scans]
-        doubts = [f"{scan.path.name}: {what}" for scan in self.scans for what in scan.doubts]
-        named = (*_describe(damages, self._begin), *doubts, *repaired)
-        self.damages = "; ".join(filter(None, named))
-        self.missing = "; ".join(filter(None, (before, self.damages, lost)))
-        self.held: dict[Kind, int] = {}
-        self.unreadable: dict[Kind, int] = {}
+    @cached_property
+    def others(self) -> int:
+        """How many messages lie on topics that are not ours."""
         foreign = [scan for scan in self.scans if 0 in scan.ids.values()]
-        self.others = sum(message[0] == 0 for scan in foreign for message in scan.messages())
+        return sum(message[0] == 0 for scan in foreign for message in scan.messages())
 
-    @classmethod
-    def open(cls, path: Path | str, side: str | None = None) -> Log:
-        """Open a file, or all files of one side in the folder of a run.
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return len(self._chunks)
 
-        Args:
-            path: `*.mcap` or a folder.
-            side: "robot" or "controller"; None for whatever there is, if it is one only.
+    @property
+    def begin(self) -> int:
+        """Log time of the oldest message [ns]."""
+        return min(span[0] for _, _, span in self._chunks)
 
-        Raises:
-            LogError: nothing there, not ours, of the other side, or of another version.
-        """
-        if side is not None and side not in SIDES:
-            raise LogError(f"{path}: no side is called {side!r}. Choose one of {', '.join(SIDES)}")
-        log = cls(files_of(Path(path), side))
-        if side not in {None, log.side}:
-            raise LogError(f"{path}: is the log of the {log.side}. Name that of the {side}")
-        return log
+    @property
+    def end(self) -> int:
+        """Log time of the newest message [ns]."""
+        return max(span[1] for _, _, span in self._chunks)
 
     @property
     def _begin(self) -> int:
@@ -191,7 +230,7 @@ class Log(Enclosed):
     @cached_property
     def session(self) -> dict[str, Any]:
         """What its first session states; empty where there is none that can be read."""
-        found = next((record for record in self.records() if record.kind == Kind.SESSION), None)
+        found = next(self.records(Kind.SESSION), None)
         with suppress(ValueError, RecursionError):
             content = json.loads(found.payload) if found is not None else {}
             return content if isinstance(content, dict) else {}
@@ -202,16 +241,24 @@ class Log(Enclosed):
         found = self.session.get(key)
         return [str(name) for name in found] if isinstance(found, list) else []
 
-    def records(self) -> Iterator[Record]:
+    def records(self, *kinds: Kind) -> Iterator[Record]:
         """Every record in the order in which it was processed; copies for viewers left out.
 
         In the place of what is damaged stands a record of kind GAP.
 
+        Args:
+            kinds: only records of these; none for all.
+
         Raises:
             LogError: a record of another version.
         """
+        if self._unpacked is not None:
+            return self._unpacked.read(kinds)
+        return (record for record in self._read() if not kinds or record.kind in kinds)
+
+    def _read(self, say: Callable[[str], None] = lambda _: None) -> Iterator[Record]:
         for place, scan in enumerate(self.scans):
-            for channel, _, stamp, _, payload in _with_gaps(scan):
+            for channel, _, stamp, _, payload in _with_gaps(scan, say):
                 try:
                     record, repeated = unpack_message(channel, stamp, payload)
                 except ValueError as error:
@@ -235,7 +282,7 @@ class Log(Enclosed):
         Raises:
             LogError: messages of another version, or no room for them in the temporary folder.
         """
-        table = self._tables[kind]
+        table = self._tables()[kind]
         stamps, rows = table.rows
         self.held[kind], self.unreadable[kind] = len(rows), table.unreadable
         if table.unreadable and not len(rows):
@@ -245,13 +292,24 @@ class Log(Enclosed):
             )
         return stamps, rows
 
-    @cached_property
-    def _tables(self) -> dict[Kind, MessageTable]:
-        tables = {kind: MessageTable(SCHEMAS[kind]) for kind in _TABLES}
-        for record in self.records():
-            if record.kind in tables:
-                tables[record.kind].add(record.stamp, record.payload)
-        return tables
+    def load(self, say: Callable[[str], None] = lambda _: None) -> Self:
+        """Unpack the log once, into temporary files that all later reads use.
+
+        Args:
+            say: takes progress.
+        """
+        self._tables(say)
+        return self
+
+    def _tables(self, say: Callable[[str], None] = lambda _: None) -> dict[Kind, MessageTable]:
+        if self._unpacked is None:
+            schemas = {kind: SCHEMAS[kind] for kind in _TABLES}
+            self._unpacked = DiskRecords(self._read(say), schemas)
+        return self._unpacked.tables
+
+    def count(self, kind: Kind) -> int:
+        """How many messages of a kind `table` has; 0 where the log is not loaded."""
+        return len(self._unpacked.tables[kind]) if self._unpacked is not None else 0
 
     def states(self) -> Rows:
         """Every State, as a structured array with the field names of `State.msg`."""
@@ -265,10 +323,127 @@ class Log(Enclosed):
         """Log times [ns] of the rows that `table` gives."""
         return self.table(kind)[0]
 
+    def chunk(self, number: int, *, keep: bool = True) -> list[Record]:
+        """The records of one chunk in their order; those of a damaged one are lost.
 
-def merge_attachments(scans: Sequence[McapScan]) -> dict[str, bytes]:
-    """Enclosed files by name, of several files that have one the last."""
-    return {name: data for scan in scans for name, data in scan.attachments.items()}
+        Args:
+            number: its place, from 0.
+            keep: whether it may be asked for again soon.
+        """
+        found = self._kept.get(number)
+        if found is None:
+            found = self._read_chunk(number)
+            if keep:
+                self._kept[number] = found
+                if len(self._kept) > KEPT:
+                    self._kept.popitem(last=False)
+        elif keep:
+            self._kept.move_to_end(number)
+        return found
+
+    def state_at(self, stamp: int) -> Moment | None:
+        """The last State up to a log time [ns], and the Setpoint that answers it.
+
+        Returns:
+            None where there is no State up to then.
+        """
+        for number in range(max(bisect_right(self._firsts, stamp) - 1, 0), -1, -1):
+            for record in reversed(self.chunk(number)):
+                if record.kind == Kind.STATE and record.stamp <= stamp:
+                    state = _loaded(State, record.payload)
+                    if state is not None:
+                        return Moment(state, record.stamp, *self._answer(state, number))
+        return None
+
+    @cached_property
+    def _firsts(self) -> list[int]:
+        """Log times of the first messages of each chunk [ns], rising, whatever a file claims."""
+        return list(accumulate((span[0] for _, _, span in self._chunks), max))
+
+    def _answer(self, state: State, number: int) -> tuple[Setpoint | None, int | None]:
+        for place in range(number, min(number + 2, self.chunks)):
+            for record in self.chunk(place):
+                if record.kind != Kind.SETPOINT:
+                    continue
+                try:
+                    tick, session = Setpoint.scalars(record.payload, "tick", "session_id")
+                except WireError:
+                    continue
+                if (tick, session) == (state.tick, state.session_id):
+                    return _loaded(Setpoint, record.payload), record.stamp
+        return None, None
+
+    def _read_chunk(self, number: int) -> list[Record]:
+        scan, place, _ = self._chunks[number]
+        try:
+            messages = scan.chunk(place)
+        except (LogError, OSError):  # also a deleted file, as of a log that rotates
+            self.unread.add((number, None))
+            return []
+        found = []
+        for at, (channel, _, stamp, _, payload) in enumerate(messages):
+            try:
+                record, _ = unpack_message(channel, stamp, payload)
+            except ValueError:
+                self.unread.add((number, at))  # of a version that is not known
+                continue
+            if record is not None:
+                found.append(record)
+        return found
+
+
+def _loaded(kind: type[Loaded], payload: bytes) -> Loaded | None:
+    try:
+        message = kind.like(payload)
+        message.load(payload)
+    except WireError:
+        return None
+    return message
+
+
+def open_sides(*paths: Path) -> tuple[dict[str, Log], dict[str, str]]:
+    """Open the logs of a session, one a side: of the folder of a run, or of each service's own.
+
+    Args:
+        paths: folders, or `*.mcap`.
+
+    Returns:
+        The logs by side, the robot's first, and why others that are there cannot be read.
+
+    Raises:
+        LogError: there is no log that can be read, two of one side, or none of a common session.
+    """
+    logs: dict[str, Log] = {}
+    unreadable: dict[str, str] = {}
+    last: LogError | None = None
+    for path in paths:
+        for side in SIDES if path.is_dir() else (None,):
+            try:
+                log = Log.open(path, side)
+            except LogError as error:
+                last = error
+                if side is None:
+                    raise
+                if any(path.glob(f"{side}*.mcap")):
+                    unreadable[side] = str(error)
+                continue
+            if log.side in logs:
+                raise LogError(
+                    f"{path}: holds a second log of the {log.side}. Name one log of each side"
+                )
+            logs[log.side] = log
+    if not logs and last is not None:
+        for side, why in unreadable.items():
+            raise LogError(f"The log of the {side} cannot be read: {why}")
+        raise last
+    if len(paths) > 1 and len(logs) == len(SIDES):
+        sessions = [
+            {json.loads(each.payload).get("session_id") for each in log.records(Kind.SESSION)}
+            for log in logs.values()
+        ]
+        if not set.intersection(*sessions):
+            raise LogError(f"{paths[1]}: has no session in common with {paths[0]}")
+    return {side: logs[side] for side in SIDES if side in logs}, unreadable
 
 
 def payload_hash(log: Log) -> str:
@@ -286,183 +461,13 @@ def payload_hash(log: Log) -> str:
     return digest.hexdigest()
 
 
-def files_of(path: Path, side: str | None) -> list[Path]:
-    """The file, or all files of one side in the folder of a run, oldest first.
-
-    Raises:
-        LogError: there are none, or of both sides where none is named.
-    """
-    if not path.is_dir():
-        return [path]
-    found: dict[str, dict[int, Path]] = {}
-    for file in path.iterdir():
-        if match := _NAME.fullmatch(file.name):
-            found.setdefault(match[1], {})[int(match[2] or 0)] = file
-    if side is None and len(found) > 1:
-        raise LogError(f"{path}: holds logs of {' and '.join(sorted(found))}. Say which side")
-    parts = found.get(side or next(iter(found), ""))
-    if not parts:
-        raise LogError(
-            f"{path}: holds no {side or 'robot'}.mcap. Name a log or the folder of a run"
-        )
-    return [parts[part] for part in sorted(parts)]
-
-
-def _unbroken(files: list[Path]) -> tuple[list[McapScan], str | None]:
-    """The files that follow each other without a loss, and what is lost behind them, or None."""
-    scans: list[McapScan] = []
-    for file in files:
-        try:
-            scan = McapScan.of(file)
-            check_ours(scan)
-        except LogError as error:
-            if not scans:
-                raise
-            return scans, str(error)
-        if scans and _part(scan) != _part(scans[-1]) + 1:
-            break
-        scans.append(scan)
-        if lost := _lost_at_end(scan):
-            return scans, lost
-    if scans[-1].metadata.get("end", {}).get("continues") == "true":
-        return scans, f"the file that follows {scans[-1].path.name}, and all that came after"
-    return scans, None
-
-
-def _with_gaps(scan: McapScan) -> Iterator[McapMessage]:
+def _with_gaps(scan: McapScan, say: Callable[[str], None]) -> Iterator[McapMessage]:
     """The messages of a file; for each damage an input of kind GAP."""
     newest = scan.begin or 0
-    for part in scan.parts():
+    for number, part in enumerate(scan.parts()):
+        say(f"reading {scan.path.name}, {100 * number // scan.part_count} %")
         if isinstance(part, Damage):
             gap = pack_gap(part.size, part.after or newest)
             yield CHANNELS["inputs"], 0, part.after or newest, part.after or newest, gap
         else:
             yield from part
-
-
-def _describe(damages: list[tuple[McapScan, Damage]], begin: int) -> list[str]:
-    """Where chunks are damaged, and between which times no record is left."""
-    words = [
-        f"{scan.path.name}: {damage.size} bytes at byte {damage.start} are damaged, "
-        f"no record is left{_span(damage, begin)}"
-        for scan, damage in damages[:MOST_NAMED]
-    ]
-    more = len(damages) - len(words)
-    return [*words, f"and {more} more such places"] if more else words
-
-
-def _span(damage: Damage, begin: int) -> str:
-    """Between which times of the log a damage lies; "" where no message is left at all."""
-    after, before = damage.after, damage.before
-    if after is None and before is None:
-        return ""
-    if after is None or before is None:
-        word, stamp = ("before", before) if after is None else ("after", after)
-        return f" {word} {((stamp or 0) - begin) / 1e9:.3f} s"
-    return f" between {(after - begin) / 1e9:.3f} s and {(before - begin) / 1e9:.3f} s"
-
-
-def _is_part(text: str) -> bool:
-    return text.isdecimal() and len(text) <= LONGEST_PART
-
-
-def _part(scan: McapScan) -> int:
-    return int(scan.metadata["log"]["part"])
-
-
-def check_ours(scan: McapScan) -> None:
-    """Refuse a file that is none of our logs; number the channels of one that is as ours.
-
-    Raises:
-        LogError: it is none, or of another version.
-    """
-    file = scan.path
-    facts, needed = (
-        scan.metadata.get("log", {}),
-        {"format", "wire_version", "robot", "side", "part"},
-    )
-    if not needed <= facts.keys():
-        facts = scan.metadata["log"] = _inferred(scan)
-    if not (scan.whole or scan.has_messages) and len(scan.channels) < LEAST_TOPICS:
-        raise LogError(f"{file}: {scan.problem}, before any record. Nothing can be saved")
-    if not facts or facts["side"] not in SIDES or not _is_part(facts["part"]):
-        raise LogError(f"{file}: is an MCAP file, but none of ours. Name a log of `hoap3`")
-    if facts["format"] != FORMAT or facts["wire_version"] not in VERSIONS:
-        raise LogError(
-            f"{file}: has format {facts['format']}, wire version {facts['wire_version']}; this "
-            f"version reads format {FORMAT}, wire version {' or '.join(VERSIONS)}. "
-            "Read it with the version that wrote it"
-        )
-    merged = {f"{m.get('side')} of {m.get('robot')}, part {m.get('part')}" for m in scan.logs}
-    if len(merged) > 1:
-        raise LogError(
-            f"{file}: holds several logs in one file ({'; '.join(sorted(merged))}), whose messages "
-            "cannot be told apart. Name the files that were merged"
-        )
-    known = {topic_name(facts["robot"], t.leaf): (n, t) for n, t in enumerate(TOPICS, 1)}
-    ids = dict.fromkeys(scan.channels, 0)
-    for number, channel in scan.channels.items():
-        ours, topic = known.get(channel.topic, (0, TOPICS[0]))
-        schema = scan.schemas.get(channel.schema_id)
-        if ours == number or schema is None or schema.name == topic.schema_name:
-            ids[number] = ours
-    if not any(ids.values()):
-        raise LogError(f"{file}: its topics are not those of our logs. Name a log of `hoap3`")
-    if any(number != ours for number, ours in ids.items()):
-        scan.ids = ids
-    if scan.ids or scan.moved:
-        order = _ORDER[facts["side"]]
-        scan.sort(lambda channel, data: _rank(channel, data, order), _RISING)
-
-
-def _inferred(scan: McapScan) -> dict[str, str]:
-    """The facts about a log that another tool wrote without them; none where they are not known."""
-    robots, side = set(), _NAME.fullmatch(scan.path.name)
-    for channel in scan.channels.values():
-        robot, _, leaf = channel.topic.removeprefix("/robots/").rpartition("/")
-        schema = scan.schemas.get(channel.schema_id)
-        for topic in TOPICS:
-            if schema and (leaf, schema.name, schema.data.decode(errors="replace")) == (
-                *(topic.leaf, topic.schema_name),
-                topic.schema_text,
-            ):
-                robots.add(robot)
-    if len(robots) != 1:
-        return {}
-    if side is None:
-        raise LogError(
-            f"{scan.path}: its metadata `log` are missing, so it is not known whose log it is. "
-            "Name the file robot.mcap or controller.mcap"
-        )
-    scan.doubts.append("its metadata `log` are missing, as of a log that another tool has filtered")
-    facts = {"format": FORMAT, "wire_version": str(WIRE_VERSION), "part": side[2] or "0"}
-    return {**facts, "robot": robots.pop(), "side": side[1]}
-
-
-def _rank(channel: int, data: bytes, order: tuple[int, ...]) -> int:
-    """The place of a message among those with its log time."""
-    with suppress(ValueError):
-        record, _ = unpack_message(channel, 0, data)
-        if record is not None and record.kind in order:
-            return order.index(record.kind)
-    return len(order)
-
-
-def _lost_at_begin(first: Path, facts: dict[str, str], newest: dict[str, str]) -> str | None:
-    """What is lost before the first file: its part counts from 0."""
-    if facts["part"] == "0":
-        return None
-    deleted, cap = newest.get("deleted"), newest.get("cap_bytes")
-    why = f": the cap of {cap} bytes deleted {deleted}" if deleted else ""
-    return f"everything before {first.name}{why}"
-
-
-def _lost_at_end(scan: McapScan) -> str | None:
-    """What is lost behind this file, as far as the file itself can tell."""
-    if not scan.whole:
-        rest = scan.size - scan.end
-        return f"{scan.path.name}: {scan.problem}; {rest} bytes and all that came after are lost"
-    if scan.metadata.get("repair", {}).get("problem"):
-        dropped = scan.metadata["repair"].get("dropped_bytes", "?")
-        return f"{scan.path.name} was cut off and repaired; {dropped} bytes and what came after"
-    return None

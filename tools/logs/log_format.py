@@ -1,8 +1,8 @@
 """What a log holds: its topics, their schemas, and the few messages that are not of our wire.
 
 Every channel is CDR with a `ros2msg` schema, so any ROS 2 reader opens a log. State, Setpoint,
-Event and Target are logged as they were sent, those of version 1 of the wire as ones of today. All
-that came in as JSON goes to the topic `inputs`, as a `std_msgs/msg/String` with the text
+Event and Target are logged as they were sent. All that came in as JSON goes to the topic `inputs`,
+as a `std_msgs/msg/String` with the text
 
     {"kind": "session", "stamp": 123, "repeated": false, "body": {...}}
 
@@ -17,15 +17,15 @@ import base64
 import json
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.messages import CDR_HEADER, Event, Message, Setpoint, State, Target
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import CDR_HEADER, Event, Message, Schema, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.protocol.wire_versions import upgraded
 
 PROFILE = "ros2"
 FORMAT = "1"  # of what this module lays down
@@ -194,8 +194,52 @@ def unpack_message(channel: int, stamp: int, payload: bytes) -> tuple[Record | N
     """
     kind = _KINDS.get(channel)
     if kind is not None:
-        return Record(kind, stamp, upgraded(MESSAGES[kind], payload)), False
+        return Record(kind, stamp, payload), False
     return unpack_input(payload) if channel == CHANNELS["inputs"] else (None, False)
+
+
+class Layout:
+    """The layout of the newest message of a kind, and whether others have it.
+
+    Args:
+        schema: of the messages.
+
+    Attributes:
+        size: bytes of the messages that the last one learnt is like; -1 for none.
+    """
+
+    def __init__(self, schema: Schema) -> None:
+        self.schema, self.size = schema, -1
+        self._guards: Callable[[bytes], tuple[Any, ...]] = tuple
+        self._expected: tuple[Any, ...] = ()
+
+    def fits(self, payload: bytes) -> bool:
+        """Whether size, CDR header and the lengths of all arrays are those of the last learnt."""
+        return len(payload) == self.size and self._guards(payload) == self._expected
+
+    def learn(self, payload: bytes) -> dict[str, int]:
+        """Take the layout of `payload`, and return the lengths of its arrays.
+
+        Raises:
+            WireError: not a message of this kind.
+        """
+        if payload[:4] != CDR_HEADER:
+            raise WireError("layout", f"{self.schema.name}: no CDR header of ours")
+        lengths = self.schema.lengths_in(payload)
+        counts, _ = self.schema.offsets(lengths)
+        self.size = len(payload)
+        places = {len(CDR_HEADER) + at: "I" for at in counts.values()}
+        self._guards = self.reader({0: "4s", **places})
+        self._expected = (CDR_HEADER, *lengths.values())
+        return lengths
+
+    def reader(self, places: dict[int, str]) -> Callable[[bytes], tuple[Any, ...]]:
+        """Return what reads the values at some offsets, given in rising order."""
+        code, end = "<", 0
+        for at, item in places.items():
+            code += f"{at - end}x{item}"
+            end = at + struct.calcsize("<" + item)
+        return struct.Struct(f"{code}{self.size - end}x").unpack
 
 
 class JointStates:

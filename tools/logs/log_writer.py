@@ -7,7 +7,6 @@ not the library's stands in `hoap3.tools.logs.mcap_write`.
 
 from __future__ import annotations
 
-import struct
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,11 +16,11 @@ from mcap.records import Attachment, Channel, Metadata
 from mcap.records import Schema as McapSchema
 
 from hoap3.protocol import __version__
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, WireError
-from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION
+from hoap3.protocol.messages import WIRE_VERSION
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.logs.file_lock import LockedFolder
+from hoap3.tools.logs.files import LockedFolder
 from hoap3.tools.logs.log_format import (
     CHANNELS,
     FORMAT,
@@ -33,6 +32,7 @@ from hoap3.tools.logs.log_format import (
     TICK,
     TOPICS,
     JointStates,
+    Layout,
     file_name,
     pack_input,
     topic_name,
@@ -289,55 +289,26 @@ class LogWriter:
             self._deleted.append(path.name)
 
 
-class _Lane:
+class _Lane(Layout):
     """How messages of one kind look, as far as their entry in the log needs it.
 
     Attributes:
-        size: bytes of the messages that the last one learnt is like; -1 for none.
         fields: message → tick (its lower 32 bits), and the sender's stamp if it has one.
     """
 
     def __init__(self, kind: Kind, channel: int) -> None:
-        self.channel = channel
-        self.schema = SCHEMAS[kind]
-        self._tick, self._sent = TICK[kind], SENT_STAMP.get(kind)
-        self.size = -1
+        super().__init__(SCHEMAS[kind])
+        self.channel, self._named = channel, {TICK[kind]: "I"}
+        if kind in SENT_STAMP:
+            self._named[SENT_STAMP[kind]] = "Q"
         self.fields: Callable[[bytes], tuple[Any, ...]] = tuple
-        self._guards: Callable[[bytes], tuple[Any, ...]] = tuple
-        self._expected: tuple[Any, ...] = ()
-
-    def fits(self, payload: bytes) -> bool:
-        """Whether size, CDR header and the lengths of all arrays are those of the last learnt."""
-        return len(payload) == self.size and self._guards(payload) == self._expected
 
     def learn(self, payload: bytes) -> dict[str, int]:
-        """Take the layout of `payload`, and return the lengths of its arrays.
-
-        Raises:
-            WireError: not a message of this kind.
-        """
-        if payload[:4] != CDR_HEADER:
-            raise WireError("layout", f"{self.schema.name}: no CDR header of ours")
-        lengths = self.schema.lengths_in(payload)
-        self.size = len(payload)
+        """Take the layout of `payload`, and return the lengths of its arrays."""
+        lengths = super().learn(payload)
         fields: Any = self.schema.dtype(lengths).fields
-        counts, _ = self.schema.offsets(lengths)
-        told = {int(fields[self._tick][1]): "I"}
-        if self._sent is not None:
-            told[int(fields[self._sent][1])] = "Q"
-        self.fields = self._reader(told)
-        places = {len(CDR_HEADER) + at: "I" for at in counts.values()}
-        self._guards = self._reader({0: "4s", **places})
-        self._expected = (CDR_HEADER, *lengths.values())
+        self.fields = self.reader({int(fields[name][1]): c for name, c in self._named.items()})
         return lengths
-
-    def _reader(self, places: dict[int, str]) -> Callable[[bytes], tuple[Any, ...]]:
-        """Reads what stands at some offsets, given in rising order."""
-        code, end = "<", 0
-        for at, item in places.items():
-            code += f"{at - end}x{item}"
-            end = at + struct.calcsize("<" + item)
-        return struct.Struct(f"{code}{self.size - end}x").unpack
 
 
 def _read_clocks() -> dict[str, int]:

@@ -142,27 +142,18 @@ class McapScan:
     _enclosed: int = 0
 
     @classmethod
-    def of(cls, path: Path) -> McapScan:
-        """Scan a file, and verify its chunks.
+    def of(cls, path: Path, *, verify: bool = True) -> McapScan:
+        """Scan a file.
 
-        Raises: see `indexed`.
-        """
-        return cls._scanned(path, verify=True)
-
-    @classmethod
-    def indexed(cls, path: Path) -> McapScan:
-        """Scan a file without a look into its chunks: some milliseconds for each GB.
-
-        What is damaged in one is found when it is read, and `damages` does not know of it.
+        Args:
+            path: of the file.
+            verify: its chunks, too; without, it takes some milliseconds for each GB, and what is
+                damaged in one is found when it is read: `damages` does not know of it.
 
         Raises:
             LogError: missing, empty, not MCAP, it cannot be read, or it claims to hold more than a
                 log of its size can.
         """
-        return cls._scanned(path, verify=False)
-
-    @classmethod
-    def _scanned(cls, path: Path, *, verify: bool) -> McapScan:
         try:
             with open_regular(path) as stream:
                 scan = cls(path, os.fstat(stream.fileno()).st_size)
@@ -204,6 +195,13 @@ class McapScan:
             LogError: the file has changed since it was scanned.
         """
         return chain.from_iterable(part for part in self.parts() if not isinstance(part, Damage))
+
+    @property
+    def part_count(self) -> int:
+        """How many parts `parts` gives."""
+        if self._sorted is not None:
+            return len(self.damages) + len(self._sorted.spans)
+        return len(self._parts)
 
     def parts(self) -> Iterator[Iterator[McapMessage] | Damage]:
         """The same, chunk by chunk, and what is damaged between them.

@@ -25,7 +25,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from hoap3.protocol.errors import UsageError
-from hoap3.tools.logs.file_lock import lock_shared
+from hoap3.tools.logs.files import lock_shared
 
 BLOCK = 1 << 20  # bytes of a file that are summed up together
 MAGIC = b"\x89MCAP0\r\n"

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from hoap3.tools.logs.file_lock import is_locked
+from hoap3.tools.logs.files import is_locked
 from hoap3.tools.logs.motion_files import LOG_SUFFIX
 
 RUN_FOLDER = re.compile(r"\d{8}-\d{6}(-\d+)?")

@@ -17,7 +17,7 @@ from mcap.records import Attachment, Metadata
 
 from hoap3.protocol import __version__
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
-from hoap3.tools.logs.file_lock import is_locked
+from hoap3.tools.logs.files import is_locked
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import CHANNELS, TOPICS, pack_gap
 from hoap3.tools.logs.log_writer import topics
@@ -162,7 +162,13 @@ def _repaired(path: Path) -> RepairReport:
         target.unlink(missing_ok=True)
         raise
     return RepairReport(
-        *(path, target, False, messages, last, dropped, log.damages),
+        path,
+        target,
+        whole=False,
+        messages=messages,
+        last_stamp=last,
+        dropped_bytes=dropped,
+        damaged=log.damages,
         rebuilt=rebuilt,
         doubts="; ".join(scan.doubts),
         others=others,
@@ -178,10 +184,8 @@ def _left_alone(path: Path) -> RepairReport | None:
     (scan,) = Log.open(path).scans
     if not scan.is_intact or _index_flaws(scan):
         return None
-    messages, last = 0, None
-    for message in scan.messages():
-        messages, last = messages + 1, max(last or 0, message[2])
-    return RepairReport(path, path, whole=True, messages=messages, last_stamp=last, dropped_bytes=0)
+    count, last = _count(scan)
+    return RepairReport(path, path, whole=True, messages=count, last_stamp=last, dropped_bytes=0)
 
 
 def _repaired_before(path: Path) -> RepairReport | None:
@@ -197,19 +201,25 @@ def _repaired_before(path: Path) -> RepairReport | None:
     facts = scan.metadata.get("repair")
     if facts is None or not scan.whole:
         return None
-    stamps = [message[2] for message in scan.messages()]
-    dropped = facts.get("dropped_bytes", "")
+    dropped = _number(facts.get("dropped_bytes", ""))
     return RepairReport(
         path,
         out,
-        whole=False,
-        messages=len(stamps),
-        last_stamp=max(stamps, default=None),
-        dropped_bytes=_number(dropped),
+        False,
+        *_count(scan),
+        dropped_bytes=dropped,
         damaged=log.damages,
         already=True,
         doubts=facts.get("doubts", ""),
     )
+
+
+def _count(scan: McapScan) -> tuple[int, int | None]:
+    """How many messages there are, and the log time of the newest [ns]."""
+    count, last = 0, None
+    for message in scan.messages():
+        count, last = count + 1, max(last or 0, message[2])
+    return count, last
 
 
 def _index_flaws(scan: McapScan) -> list[str]:

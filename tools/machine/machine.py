@@ -1,15 +1,20 @@
-"""The machine block: what a figure was measured on, printed with every report."""
+"""The machine block and the software: what a figure was measured on, and what is installed."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import sys
+from collections.abc import Mapping
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 
+from hoap3.protocol.errors import NotInstalledError
 from hoap3.protocol.runtime.realtime import virtual_machine
 
+GOVERNOR = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
 STACK = (
     *("eclipse-zenoh", "numpy", "numba", "pin", "coal", "daqp", "osqp"),
     *("mcap", "pydantic", "typer"),
@@ -33,7 +38,7 @@ def machine_block() -> dict[str, object]:
     return {
         "kernel": platform.release(),
         "preemption": _preemption(),
-        "governor": _line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
+        "governor": file_text(GOVERNOR) or "unknown",
         "processor": _processor(),
         "cores": os.cpu_count(),
         "affinity": sorted(os.sched_getaffinity(0)),
@@ -53,18 +58,93 @@ def _preemption() -> str:
 
 
 def _processor() -> str:
-    for line in _text("/proc/cpuinfo").splitlines():
+    for line in file_text(Path("/proc/cpuinfo")).splitlines():
         if line.startswith("model name"):
             return line.partition(":")[2].strip()
     return platform.machine()
 
 
-def _line(path: str) -> str:
-    return _text(path).strip() or "unknown"
-
-
-def _text(path: str) -> str:
+def file_text(path: Path) -> str:
+    """What a file says, without white space around it; "" where it cannot be read."""
     try:
-        return Path(path).read_text(encoding="utf-8", errors="replace")
+        return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return ""
+
+
+ROOMS = ("protocol", "remote_controller")
+"""Rooms whose sources decide an answer."""
+
+SOURCES = ("*.py", "*.msg")
+OURS = "source"
+NOT_LOGGED = "not in the log"
+LONGEST = 40  # characters of a version that a log gives
+
+
+def software() -> dict[str, str]:
+    """Versions of all that decides an answer, and our own sources as `source`, 12 digits."""
+    return {**versions(), OURS: source_hash()}
+
+
+def source_hash() -> str:
+    """Hash of the names and texts of our sources, 12 hexadecimal digits."""
+    house = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for room in ROOMS:
+        for path in sorted(path for kind in SOURCES for path in (house / room).rglob(kind)):
+            digest.update(str(path.relative_to(house)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def differences(logged: Mapping[str, str]) -> dict[str, list[str]]:
+    """Versions that are not those of a log, by name: the log's, and the present one.
+
+    Args:
+        logged: versions by name, as the log has them. Of what it does not name only our own
+            sources are a difference: nobody can tell that they are the same.
+    """
+    now = software()
+    logged = {OURS: NOT_LOGGED, **logged}
+    return {
+        name: [then[:LONGEST], now[name]]
+        for name, then in logged.items()
+        if name in now and then != now[name]
+    }
+
+
+def in_words(found: Mapping[str, list[str]]) -> str:
+    """What `differences` found, in one line; "" for nothing."""
+    if not found:
+        return ""
+    parts = [_part(name, then, now) for name, (then, now) in found.items()]
+    return f"the software is not that of the log ({'; '.join(parts)})"
+
+
+def _part(name: str, then: str, now: str) -> str:
+    if name != OURS:
+        return f"{name} {then}, now {now}"
+    logged = then if then == NOT_LOGGED else f"hash {then}"
+    return f"our own code ({logged}, now hash {now})"
+
+
+EXTRAS = {
+    "metrics": ("prometheus-client",),
+    "parquet": ("pyarrow",),
+    "report": ("jinja2", "matplotlib"),
+    "view": ("websockets",),
+}
+"""Packages that the extras of this project install."""
+
+
+def check_extra(name: str) -> None:
+    """Refuse what needs an extra before it begins.
+
+    Args:
+        name: one of `EXTRAS`.
+
+    Raises:
+        NotInstalledError: a package of it is not installed.
+    """
+    for package in EXTRAS[name]:
+        if find_spec(package.replace("-", "_")) is None:
+            raise NotInstalledError("package", package, f"'hoap3[{name}]'")

@@ -7,8 +7,10 @@ closes that when the parent ends, also by SIGKILL, and the child then ends by it
 from __future__ import annotations
 
 import contextlib
-import json
+import ctypes
+import io
 import os
+import pickle
 import resource
 import select
 import signal
@@ -17,12 +19,46 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+import unicodedata
+import warnings
+from collections.abc import Callable, Sequence
 from types import FrameType
-from typing import Any
+from typing import Any, TextIO
 
-from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.machine.terminal import printable
+from hoap3.protocol.errors import Hoap3Error, LimitWarning, UrdfWarning, UsageError
+
+
+def printable(text: str) -> str:
+    """A whole text: control characters as in a Python string; line breaks and tabs stay."""
+    return "".join(_visible(char, "\n\t") for char in text)
+
+
+def one_line(name: object) -> str:
+    """A name or a sentence inside a line: line breaks and tabs are escaped, too."""
+    return "".join(_visible(char, "") for char in str(name))
+
+
+def _visible(char: str, keep: str) -> str:
+    if char.isprintable() or char in keep or unicodedata.category(char) == "Zs":  # a space
+        return char
+    return char.encode("unicode_escape").decode()
+
+
+SIZE = 1 << 17  # bytes; where glibc begins
+_M_MMAP_THRESHOLD = -3
+
+
+def give_back_large_blocks() -> None:
+    """Have this process map each block of `SIZE` or more on its own, always.
+
+    With each such block that is freed, glibc raises the size from which it does so, up to 32 MB.
+    From then on they come from the heap, leave holes, and a process that needs as much as before
+    grows all the same. A library without that setting is left alone.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, SIZE)
+
 
 ORDERLY_END_S = 60.0  # for a service whose parent is gone; then it is killed
 OPEN_FILES = 64  # a robot with its controller and tools had 15
@@ -75,7 +111,7 @@ class Child(subprocess.Popen[bytes]):
 
     Args:
         arguments: the module, and its arguments.
-        text: its standard input.
+        order: what its `read_order` returns; None: its standard input is empty.
         pass_fds: open files that it takes over.
         stdout, stderr: as for `subprocess.Popen`.
 
@@ -86,7 +122,7 @@ class Child(subprocess.Popen[bytes]):
     def __init__(
         self,
         arguments: Sequence[str],
-        text: str,
+        order: object = None,
         pass_fds: Sequence[int] = (),
         *,
         stdout: int | None = subprocess.DEVNULL,
@@ -102,7 +138,7 @@ class Child(subprocess.Popen[bytes]):
                 stderr=stderr,
                 pass_fds=(*pass_fds, reader),
                 start_new_session=True,  # a Ctrl-C at the terminal is for its parent alone
-                env={**os.environ, _LIFELINE: str(reader)},
+                env={"OMP_NUM_THREADS": "1", **os.environ, _LIFELINE: str(reader)},
             )
         except BaseException:
             self._lifeline.close()
@@ -112,7 +148,8 @@ class Child(subprocess.Popen[bytes]):
         try:
             if self.stdin is not None:
                 with self.stdin as stream:
-                    stream.write(text.encode())
+                    if order is not None:
+                        pickle.dump(order, stream)
                 self.stdin = None  # or `communicate` would close it again
         except BaseException as error:
             self.end(0.0)
@@ -170,21 +207,6 @@ def die_with_parent() -> None:
     threading.Thread(target=wait, name="lifeline", daemon=True).start()
 
 
-def start_module(
-    module: str, order: Mapping[str, Any], pass_fds: Sequence[int], *, stderr: int | None = None
-) -> Child:
-    """Start one of our modules as a child that ends with us; `order` is its input, as JSON.
-
-    Its standard output is a pipe.
-
-    Args:
-        module: it calls `die_with_parent` first, then `read_order`.
-        pass_fds: files that it takes over.
-        stderr: as for `subprocess.Popen`.
-    """
-    return Child([module], json.dumps(order), pass_fds, stdout=subprocess.PIPE, stderr=stderr)
-
-
 def check_open_files() -> None:
     """Refuse to start a service that could not open what it needs.
 
@@ -213,13 +235,12 @@ def check_memory(needed_mb: int | None = None) -> None:
         )
 
 
-def read_order() -> dict[str, Any]:
-    """The JSON object on standard input; where the parent died while it wrote that, this ends."""
+def read_order() -> Any:
+    """Return the order of a `Child`; exit where the parent died while it wrote that."""
     try:
-        order: dict[str, Any] = json.load(sys.stdin)
-    except ValueError:
+        return pickle.load(sys.stdin.buffer)  # noqa: S301 - our parent has written it
+    except (EOFError, pickle.UnpicklingError):
         sys.exit(1)  # with nobody left to tell
-    return order
 
 
 def tcp_pair(timeout_s: float) -> tuple[socket.socket, socket.socket]:
@@ -231,3 +252,47 @@ def tcp_pair(timeout_s: float) -> tuple[socket.socket, socket.socket]:
         end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         end.settimeout(None)
     return near, far
+
+
+_show_by_python = warnings.showwarning
+_notes: set[str] = set()
+
+
+def run_program(program: Callable[[], object]) -> None:
+    """Run a program; an error of ours is one line for people, and an exit code."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
+    warnings.showwarning = _show_warning
+    try:
+        for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="replace")
+        die_with_parent()
+        program()
+    except KeyboardInterrupt:
+        sys.exit(1)
+    except Hoap3Error as error:
+        to_people(f"error: {error}")
+        sys.exit(2 if isinstance(error, UsageError) else 1)
+    except OSError as error:
+        named = f" (found {error.filename!r:.80})" if error.filename else ""
+        to_people(f"error: {error.strerror or error}{named}. Name another file or folder")
+        sys.exit(1)
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning about a robot or a config in one line, and others as Python does."""
+    if issubclass(category, UrdfWarning):
+        if str(message) not in _notes:  # a robot may be read more than once
+            _notes.add(str(message))
+            to_people(f"note: {message}")
+    elif issubclass(category, LimitWarning):
+        to_people(f"warning: {message}")
+    else:
+        _show_by_python(message, category, filename, lineno, file, line)

@@ -1,10 +1,14 @@
-"""The stall monitor: when did the host take a CPU away?
+"""The stall monitor: when did the host take a CPU away, and which misses were the host's?
 
 A process of the highest real-time priority sleeps on a 500 us grid on each CPU in use. Nothing in
 this system can keep it waiting, so where it wakes late, the CPU itself was away: taken by the
 hypervisor, by firmware, or by the kernel where it cannot be interrupted. Such times are noted in
 shared memory. Without real-time rights the same lateness could be anybody's load, so there is no
 monitor then, and reports give the raw figures only.
+
+Linux hands CPU time to a group that is limited, such as a container or a virtual machine, for
+periods of 100 ms; one that has used up its share waits for the next. So these stalls end at the
+same point of every 100 ms, and others anywhere.
 """
 
 from __future__ import annotations
@@ -12,15 +16,18 @@ from __future__ import annotations
 import bisect
 import ctypes
 import gc
-import json
+import math
 import mmap
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -29,11 +36,140 @@ from hoap3.protocol.runtime.clock import Clock, MonotonicClock
 from hoap3.tools.machine.cpu_idle import kept_awake, let_sleep
 from hoap3.tools.machine.processes import Child, Lifeline, read_order
 
+PERIOD_NS = 100_000_000
+"""The kernel's default, `cpu.cfs_period_us`."""
+LONG_NS = 1_000_000
+NEAR_NS = 1_000_000
+NEWEST = 100
+"""That are compared: two clocks drift apart by some milliseconds in ten minutes."""
+SURE = 1e-6
+"""Stalls that end anywhere would look like that so often at the most."""
+
+
+def figures(stalls: Sequence[Stall]) -> dict[str, Any]:
+    """How many, how long together, the longest; `long` ones, and those that end `in_step`."""
+    lengths = [(stall.end - stall.start) / 1e6 for stall in stalls]
+    return {
+        "n": len(lengths),
+        "total_ms": sum(lengths),
+        "longest_ms": max(lengths, default=0.0),
+        **ended_in_step(stalls),
+    }
+
+
+def ended_in_step(stalls: Iterable[Stall]) -> dict[str, int]:
+    """Of the newest `long` stalls, how many end at the same point of each 100 ms, to 1 ms.
+
+    Long is 1 ms. What several CPUs saw at the same time is one stall. `in_step` is 0 where chance
+    may do as much.
+    """
+    ends = np.sort([stall.end for stall in stalls if stall.end - stall.start >= LONG_NS])
+    ends = ends[np.diff(ends, prepend=-PERIOD_NS) > NEAR_NS][-NEWEST:]
+    if not ends.size:
+        return {"long": 0, "in_step": 0}
+    apart = np.abs(ends[:, None] - ends) % PERIOD_NS
+    near = np.minimum(apart, PERIOD_NS - apart) < NEAR_NS
+    most = int(near.sum(axis=1).max())
+    chance = ends.size * _at_least(most - 1, ends.size - 1, 2.0 * NEAR_NS / PERIOD_NS)
+    return {"long": int(ends.size), "in_step": most if chance < SURE else 0}
+
+
+def _at_least(least: int, n: int, p: float) -> float:
+    """How likely so many of n are, each of probability p."""
+    return sum(math.comb(n, k) * p**k * (1.0 - p) ** (n - k) for k in range(least, n + 1))
+
+
+def limited(found: Mapping[str, Any]) -> str:
+    """What people should know of figures whose stalls end in step; "" where they do not."""
+    if not found.get("in_step"):
+        return ""
+    share = f"{found['in_step']} of the last {found['long']} that took 1 ms or more"
+    return (
+        f"{share} end at the same point of each 100 ms: the host limits this machine's CPU time "
+        "(`hoap3 help realtime_rights`)"
+    )
+
+
+PATIENCE_NS = 1_000_000_000  # until a time is judged: the monitor has told of its stalls by then
+FOREVER = 1 << 62
+MEMORY_NS = 60_000_000_000  # for how long a stall is remembered
+LONG_ONES = 4 * NEWEST  # more than those that are compared, as each CPU's count
+
+
+class OutsideStalls:
+    """Counts missed and skipped ticks that overlap a stall of the host, and those that do not.
+
+    Memory stays bounded however long a run is: times are judged soon, and stalls forgotten.
+
+    Args:
+        logs: of the monitors, by CPU.
+
+    Attributes:
+        outside, hosts: ticks judged so far: ours, and the host's.
+        begin, end: stalls between them are counted [ns], all of them by default.
+        n, total_ns, longest_ns: of these stalls, each CPU's on its own.
+    """
+
+    def __init__(self, logs: dict[int, StallLog]) -> None:
+        self._logs = logs
+        self._recent: dict[int, list[Stall]] = {cpu: [] for cpu in logs}
+        self._failures: deque[tuple[int, int, int]] = deque()  # begin, end [ns], ticks
+        self.outside = self.hosts = 0
+        self.begin, self.end = 0, FOREVER
+        self.n = self.total_ns = self.longest_ns = 0
+        self._long: deque[Stall] = deque(maxlen=LONG_ONES)
+
+    @property
+    def known(self) -> bool:
+        """Whether every CPU is watched, so that a miss without a stall is ours."""
+        return bool(self._logs) and all(log.runs for log in self._logs.values())
+
+    def take(self) -> list[tuple[int, Stall]]:
+        """Stalls that were noted since the last call, each with its CPU."""
+        found = [(cpu, stall) for cpu, log in self._logs.items() for stall in log.take()]
+        for cpu, stall in found:
+            self._recent[cpu].append(stall)
+            if stall.end > self.begin and stall.start < self.end:
+                length = stall.end - stall.start
+                self.n, self.total_ns = self.n + 1, self.total_ns + length
+                self.longest_ns = max(self.longest_ns, length)
+                if length >= LONG_NS:
+                    self._long.append(stall)
+        return found
+
+    def failed(self, start: int, end: int, ticks: int) -> None:
+        """Between `start` and `end` [ns] ticks were missed or skipped."""
+        self._failures.append((start, end, ticks))
+
+    def attribute(self, now: int) -> None:
+        """Attribute what ended long enough before `now` [ns]; a CPU still away is waited for.
+
+        `FOREVER` ends all waiting.
+        """
+        known = min((log.seen for log in self._logs.values() if log.runs), default=now)
+        limit = now if now == FOREVER else min(now - PATIENCE_NS, known - PATIENCE_NS)
+        while self._failures and self._failures[0][1] <= limit:
+            start, end, ticks = self._failures.popleft()
+            if any(overlapping(found, start, end) for found in self._recent.values()):
+                self.hosts += ticks
+            else:
+                self.outside += ticks
+        for cpu, found in self._recent.items():
+            if found and found[0].end + 2 * MEMORY_NS < now:
+                self._recent[cpu] = [stall for stall in found if stall.end + MEMORY_NS >= now]
+
+    def figures(self) -> dict[str, Any]:
+        """How many stalls, how long together, the longest; as `ended_in_step`, of the newest."""
+        lengths = {"total_ms": self.total_ns / 1e6, "longest_ms": self.longest_ns / 1e6}
+        return {"n": self.n, **lengths, **ended_in_step(self._long)}
+
+
 GRID_NS = 500_000
 THRESHOLD_NS = 150_000
 CAPACITY = 65_536  # stalls; what is not taken before so many more is overwritten
 PRIORITY = 99
 NO_RIGHTS = 3  # exit code
+START_S = 5.0  # for a monitor to begin
 PATIENCE_S = 1.0  # with a monitor that is to end; it looks ten times a second
 LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
 _HEADER = 8  # int64 words: how many, whether it runs, is kept awake, last seen; then unused
@@ -136,12 +272,23 @@ class StallMonitor:
             for cpu in sorted(set(cpus)):
                 log = self.logs[cpu] = StallLog()
                 order = {"fd": log.fd, "cpu": cpu, "awake": keep_awake}
-                self._processes[cpu] = Child(
-                    ["hoap3.tools.machine.stalls"], json.dumps(order), [log.fd]
-                )
+                self._processes[cpu] = Child(["hoap3.tools.machine.stalls"], order, [log.fd])
         except BaseException:
             self.stop()
             raise
+
+    def __enter__(self) -> Self:
+        """Return once each monitor runs, or has ended."""
+        until = time.monotonic() + START_S
+        while time.monotonic() < until:
+            ended = self._gone()
+            if all(log.runs or cpu in ended for cpu, log in self.logs.items()):
+                break
+            time.sleep(0.01)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
 
     def refused(self) -> list[int]:
         """CPUs whose monitors have ended by themselves: they did not get what they need."""

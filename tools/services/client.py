@@ -1,12 +1,12 @@
-"""`hoap3 stop`, `recover`, `status`, `change` and `list --live`: words with what runs."""
+"""The client of a running robot, for `hoap3 stop`, `recover`, `status`, `change`, `connect`."""
 
 from __future__ import annotations
 
 import os
 import re
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Literal, Self
 
 from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
 from hoap3.protocol.config.endpoints import Place, endpoint_fault
@@ -19,69 +19,126 @@ ENDPOINT = "tcp/127.0.0.1:7447"
 LOOK_S = 5e-4  # between two looks for what has come
 
 
-def request_all(robot: str, verb: str, endpoint: str) -> list[dict[str, Any]]:
-    """Send a request to a running robot; "stop" and "status" to all robots of that name.
+class RobotClient:
+    """A session on the network for requests to one robot and to its controller.
 
     Args:
         robot: its name.
-        verb: "stop", "recover", "release" or "status".
         endpoint: where it, or a router, listens.
+        name: of this client.
 
-    Returns:
-        The answer of each, with `endpoint` and `pid`, None where its token does not have them.
+    Attributes:
+        who: our name on the network.
 
     Raises:
-        UsageError: that cannot be the name of a robot, or an endpoint, or several robots have it.
+        UsageError: that cannot be the name of a robot, or an endpoint.
         LinkError: it cannot be reached.
-        WireError: its answer makes no sense.
     """
-    from hoap3.protocol.link import zenoh_session as network
 
-    check_name(robot)
-    settings = client_settings(endpoint)
-    check_right(settings, verb)
-    me = network.session_name(settings, f"tool-{os.getpid()}")
-    with network.open_session(settings, robot) as session:
+    def __init__(self, robot: str, endpoint: str, name: str) -> None:
+        from hoap3.protocol.link import zenoh_session as network
+
+        check_name(robot)
+        settings = client_settings(endpoint)
+        self.robot, self.who = robot, network.session_name(settings, name)
+        self._network, self._settings, self._endpoint = network, settings, endpoint
+        self._session = network.open_session(settings, robot)
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._session.close()
+
+    def request_all(self, verb: str) -> list[dict[str, Any]]:
+        """Send a request to the robot; "stop" and "status" to all robots of that name.
+
+        Args:
+            verb: "stop", "recover", "release" or "status".
+
+        Returns:
+            The answer of each, with `endpoint` and `pid`, None where its token does not have them.
+
+        Raises:
+            UsageError: our role does not allow it, or several robots have the name.
+            LinkError: none answers.
+            WireError: its answer makes no sense.
+        """
+        robot, network, session = self.robot, self._network, self._session
         sessions = [found for _, found in network.robot_sessions(session, robot)]
         if verb not in {"stop", "status"}:
             network.check_unique(session, robot)
-        replies = network.ask_all(session, robot, verb, me, max(len(sessions), 1))
-        if not replies and (reply := network.ask(session, robot, verb, me)) is not None:
-            replies = [reply]  # of a robot with version 1 of the wire
-    if not replies:
-        look = f"`hoap3 list --live`{unanswered(settings)}"
-        raise LinkError(f"no robot called {robot!r} answers at {endpoint}: {look}")
-    who = f"robot {robot!r} answers {verb!r}"
-    answers = [parse_answer(ROBOT_ANSWERS[verb], each, who).model_dump() for each in replies]
-    for answer in answers:
-        of_it = [one for one in sessions if one.session_id == answer.get("session_id")]
-        answer["endpoint"] = of_it[0].endpoint if of_it else str(endpoint)
-        answer["pid"] = of_it[0].pid if of_it else None
-        sessions = [one for one in sessions if one not in of_it[:1]]
-    return answers
+        replies = network.ask_all(session, robot, verb, self.who, max(len(sessions), 1))
+        if not replies:
+            look = f"`hoap3 list --live`{unanswered(self._settings)}"
+            raise LinkError(f"no robot called {robot!r} answers at {self._endpoint}: {look}")
+        answers = [self._parsed(verb, reply) for reply in replies]
+        for answer in answers:
+            of_it = [one for one in sessions if one.session_id == answer.get("session_id")]
+            answer["endpoint"] = of_it[0].endpoint if of_it else str(self._endpoint)
+            answer["pid"] = of_it[0].pid if of_it else None
+            sessions = [one for one in sessions if one not in of_it[:1]]
+        return answers
+
+    def request(self, verb: str) -> dict[str, Any]:
+        """Send a request to the robot.
+
+        Raises:
+            LinkError, WireError: no answer, or one that makes no sense.
+        """
+        return self._parsed(verb, self._ask(verb))
+
+    def control(self, verb: str, body: bytes = b"") -> dict[str, Any]:
+        """Send a request to the robot's controller; its state afterwards.
+
+        Raises:
+            LinkError: the robot follows no controller.
+            UsageError: the controller refuses; says why.
+            WireError: its answer makes no sense.
+        """
+        raw = self._ask(verb, body, "control")
+        who = f"the controller of {self.robot!r} answers {verb!r}"
+        answer = parse_answer(ControlAnswer, raw, who, MAX_CONTROL_BYTES)
+        if answer.now is None:
+            raise UsageError(answer.error or "the controller refuses, and gives no reason")
+        return answer.now
+
+    def _parsed(self, verb: str, reply: bytes) -> dict[str, Any]:
+        who = f"robot {self.robot!r} answers {verb!r}"
+        return parse_answer(ROBOT_ANSWERS[verb], reply, who).model_dump()
+
+    def _ask(self, verb: str, body: bytes = b"", whom: Literal["ask", "control"] = "ask") -> bytes:
+        self._check_open()
+        check_right(self._settings, verb, controller=whom == "control")
+        if verb not in {"stop", "status"}:
+            self._network.check_unique(self._session, self.robot)
+        reply = self._network.ask(self._session, self.robot, verb, self.who, body, whom)
+        if reply is not None:
+            return bytes(reply)
+        look = f"`hoap3 status --connect {self._endpoint}`"
+        if whom == "ask":
+            look += unanswered(self._settings)
+            raise LinkError(f"no robot called {self.robot!r} answers {verb!r}: {look}")
+        raise LinkError(
+            f"no controller of robot {self.robot!r} answers {verb!r}: {look} says whom it follows"
+            f"{unanswered(self._settings)}. One that starts for the first time compiles for some "
+            "tens of seconds. In lockstep a controller answers only while its robot moves"
+        )
+
+    def _check_open(self) -> None:
+        if self._session.is_closed():
+            raise LinkError(f"the connection to robot {self.robot!r} was closed: connect again")
 
 
-def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict[str, Any]:
-    """Have the controller of a running robot change something.
-
-    Args:
-        robot: its name.
-        request: what shall be otherwise; None: only ask.
-        endpoint: where the robot, or a router, listens.
-
-    Returns:
-        What can be changed, as it is now.
-
-    Raises:
-        UsageError: that cannot be the name of a robot, or an endpoint, or the controller refuses.
-        LinkError: the robot cannot be reached, or follows no controller.
-        WireError: the controller's answer makes no sense.
-    """
-    if request is None:
-        return _ask_controller(robot, "show", b"", endpoint)
-    from hoap3.tools.services import sent
-
-    return _ask_controller(robot, "change", sent.request(request, {}), endpoint)
+def tool_client(robot: str, endpoint: str) -> RobotClient:
+    """A client for one request of a command."""
+    return RobotClient(robot, endpoint, f"tool-{os.getpid()}")
 
 
 def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
@@ -92,38 +149,15 @@ def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
         endpoint: where it, or a router, listens.
 
     Returns:
-        None where nobody tells: no controller, an older one, or one of somebody else.
+        None where they are not known: no controller, an older one, or one of somebody else.
     """
     try:
-        tasks = _ask_controller(robot, "tasks", b"", endpoint).get("tasks")
+        with tool_client(robot, endpoint) as client:
+            tasks = client.control("tasks").get("tasks")
     except (LinkError, UsageError, WireError):
         return None
     told = isinstance(tasks, list) and all(isinstance(each, dict) for each in tasks)
     return tasks if told else None
-
-
-def _ask_controller(robot: str, verb: str, body: bytes, endpoint: str) -> dict[str, Any]:
-    """What the controller of a running robot answers."""
-    from hoap3.protocol.link.zenoh_session import ask, check_unique, open_session, session_name
-
-    check_name(robot)
-    settings = client_settings(endpoint)
-    check_right(settings, verb, controller=True)
-    me = session_name(settings, f"tool-{os.getpid()}")
-    with open_session(settings, robot) as session:
-        check_unique(session, robot)
-        reply = ask(session, robot, verb, me, body, whom="control")
-    if reply is None:
-        raise LinkError(
-            f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
-            "whom it follows. In lockstep a controller answers only while its robot moves"
-            f"{unanswered(settings)}"
-        )
-    who = f"the controller of {robot!r} answers {verb!r}"
-    answer = parse_answer(ControlAnswer, reply, who, MAX_CONTROL_BYTES)
-    if answer.now is None:
-        raise UsageError(answer.error or "the controller refuses, and gives no reason")
-    return answer.now
 
 
 def client_settings(endpoint: str) -> LinkSettings:

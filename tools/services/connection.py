@@ -5,30 +5,18 @@ It is a client on the network like any other: never in the process of a loop.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import functools
 import os
 import secrets
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
-from types import TracebackType
-from typing import Any, Self
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hoap3.protocol.answers import (
-    MAX_CONTROL_BYTES,
-    ROBOT_ANSWERS,
-    ControlAnswer,
-    OperatorAnswer,
-    check_answer,
-    parse_answer,
-    parse_description,
-)
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.answers import OperatorAnswer, check_answer, parse_description
 from hoap3.protocol.errors import (
     BadProblemError,
     Hoap3Error,
@@ -37,11 +25,12 @@ from hoap3.protocol.errors import (
     WireError,
 )
 from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
+from hoap3.tools.analysis.event_words import EVENT_NAMES, in_words
 from hoap3.tools.services import sent
-from hoap3.tools.services.client import check_right, client_settings, place_of, unanswered, wait_for
+from hoap3.tools.services.client import RobotClient, place_of, wait_for
 from hoap3.tools.services.find_robot import reach_robot
-from hoap3.tools.show.event_words import EVENT_NAMES, in_words
 
 EVENTS = 256  # that are kept until somebody reads them
 RENEWED_S = 0.5  # between two renewals of the operator's lease of 2 s
@@ -73,25 +62,14 @@ def connect(
     return Connection(robot, place_of(endpoint, secure), every_tick=every_tick)
 
 
-def connect_async(
-    robot: str | None = None,
-    endpoint: str | None = None,
-    *,
-    every_tick: bool = False,
-    secure: str | os.PathLike[str] | None = None,
-) -> AsyncConnection:
-    """The same for `async with`: each method of `Connection` is awaited."""
-    return AsyncConnection(robot, place_of(endpoint, secure), every_tick=every_tick)
-
-
-class Connection:
+class Connection(RobotClient):
     """A running robot, as one of its clients sees it; closed at the end of a `with`.
 
     Args:
         robot, endpoint, every_tick: see `connect`.
 
     Attributes:
-        who: our name.
+        who: our name on the network.
         description: of the robot.
         checks_limits: whether points outside a target's limits raise; else they are only counted.
     """
@@ -101,15 +79,9 @@ class Connection:
     def __init__(
         self, robot: str | None, endpoint: str | None = None, *, every_tick: bool = False
     ) -> None:
-        from hoap3.protocol.link import zenoh_session as network
-
         robot, endpoint = reach_robot(robot, endpoint)
-        settings = client_settings(endpoint)
-        me = f"client-{os.getpid()}-{secrets.token_hex(3)}"
-        self.robot, self.who = robot, network.session_name(settings, me)
-        self._network, self._endpoint, self._every_tick = network, endpoint, every_tick
-        self._settings = settings
-        self._session = network.open_session(settings, robot)
+        super().__init__(robot, endpoint, f"client-{os.getpid()}-{secrets.token_hex(3)}")
+        self._every_tick, key = every_tick, self._network.key
         self._states: Any = None
         self._events: Any = None
         self._operator: dict[str, Any] | None = None
@@ -119,14 +91,12 @@ class Connection:
         self._steering = threading.RLock()  # so that none renews what is just released
         try:
             self._token = self._session.liveliness().declare_token(
-                network.key(robot, f"clients/{self.who}")
+                key(robot, f"clients/{self.who}")
             )
             self._targets = self._session.declare_publisher(
-                network.key(robot, f"targets/{self.who}"), express=True
+                key(robot, f"targets/{self.who}"), express=True
             )
-            self.description: RobotDescription = parse_description(
-                self._ask("description", whom="ask"), robot
-            )
+            self.description: RobotDescription = parse_description(self._ask("description"), robot)
         except BaseException:
             self._session.close()
             raise
@@ -134,19 +104,6 @@ class Connection:
         self._has_state = False
         self._model: RobotModel | None = None
         self._refused: dict[str, int] = {}  # messages that `wait_until_reached` has raised
-
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        self.close()
 
     def close(self) -> None:
         """Steer no longer, and leave the network."""
@@ -158,7 +115,7 @@ class Connection:
         if self._operator is not None:
             with contextlib.suppress(LinkError, UsageError, WireError):
                 self.release()
-        self._session.close()
+        super().close()
 
     def state(self, timeout_s: float = 2.0) -> State:
         """The newest State that was sent to us: of the first call the first that comes. A copy.
@@ -211,15 +168,15 @@ class Connection:
         Raises:
             LinkError, WireError: no answer, or one that makes no sense.
         """
-        return self._told("status")
+        return self.request("status")
 
     def stop(self) -> dict[str, Any]:
         """Have the robot brake and stay at rest until `recover`; anybody may."""
-        return self._told("stop")
+        return self.request("stop")
 
     def recover(self) -> dict[str, Any]:
         """Let a stopped robot follow its controller again."""
-        return self._told("recover")
+        return self.request("recover")
 
     def changeable(self) -> dict[str, Any]:
         """What can be changed in the controller, and what it is now.
@@ -228,7 +185,7 @@ class Connection:
             LinkError: the robot follows no controller.
             UsageError: the controller refuses; says why.
         """
-        return self._control("show")
+        return self.control("show")
 
     def change(self, what: Mapping[str, Any] | None = None, /, **more: Any) -> dict[str, Any]:
         """Change something in the controller, all of it or nothing; what it is now.
@@ -241,7 +198,7 @@ class Connection:
             LinkError: the robot follows no controller.
             UsageError: it cannot be said in JSON, or the controller refuses; says why.
         """
-        return self._control("change", sent.request(what, more))
+        return self.control("change", sent.request(what, more))
 
     def acquire(self, timeout_s: float = 0.0) -> list[dict[str, Any]]:
         """Become the one who steers; the live targets of the controller, in their order.
@@ -277,7 +234,7 @@ class Connection:
         """Steer no longer: somebody else may at once."""
         with self._steering:
             self._operator = self._lost = None
-            self._control("release")
+            self.control("release")
 
     def counts(self) -> dict[str, Any]:
         """Counts of the messages sent: `taken`, `late_points`, `lost`, and `refused` by reason.
@@ -302,7 +259,7 @@ class Connection:
 
     def _acquire(self) -> dict[str, Any]:
         with self._steering:
-            found = self._control("acquire")
+            found = self.control("acquire")
             check_answer(OperatorAnswer, found, f"the controller of {self.robot!r} who steers it")
             if found["epoch"] != self._epoch:  # else it counts on, also where it seemed lost
                 self._epoch, self._number, self._refused = found["epoch"], 0, {}
@@ -349,7 +306,7 @@ class Connection:
                 found = self._acquire()
             before, self._refused = self._refused, found["refused"]
             sent.check_refused(found["refused"], before)
-            if sent.is_reached(found, self._number, self._control("tasks")["tasks"]):
+            if sent.is_reached(found, self._number, self.control("tasks")["tasks"]):
                 return True
             if over:
                 return False
@@ -480,41 +437,6 @@ class Connection:
                 except (LinkError, UsageError, WireError) as error:
                     self._operator, self._lost = None, error
 
-    def _told(self, verb: str) -> dict[str, Any]:
-        raw = self._ask(verb, whom="ask")
-        who = f"robot {self.robot!r} answers {verb!r}"
-        return parse_answer(ROBOT_ANSWERS[verb], raw, who).model_dump()
-
-    def _control(self, verb: str, body: bytes = b"") -> dict[str, Any]:
-        raw = self._ask(verb, body, whom="control")
-        who = f"the controller of {self.robot!r} answers {verb!r}"
-        answer = parse_answer(ControlAnswer, raw, who, MAX_CONTROL_BYTES)
-        if answer.now is None:
-            raise UsageError(answer.error or "the controller refuses, and gives no reason")
-        return answer.now
-
-    def _ask(self, verb: str, body: bytes = b"", whom: Any = "ask") -> bytes:
-        self._check_open()
-        check_right(self._settings, verb, controller=whom == "control")
-        if verb not in {"stop", "status"}:
-            self._network.check_unique(self._session, self.robot)
-        reply = self._network.ask(self._session, self.robot, verb, self.who, body, whom)
-        if reply is not None:
-            return bytes(reply)
-        look = f"`hoap3 status --connect {self._endpoint}`"
-        if whom == "ask":
-            look += unanswered(self._settings)
-            raise LinkError(f"no robot called {self.robot!r} answers {verb!r}: {look}")
-        raise LinkError(
-            f"no controller of robot {self.robot!r} answers {verb!r}: {look} says whom it follows. "
-            "One that starts for the first time compiles for some tens of seconds. In lockstep a "
-            "controller answers only while its robot moves"
-        )
-
-    def _check_open(self) -> None:
-        if self._session.is_closed():
-            raise LinkError(f"the connection to robot {self.robot!r} was closed: connect again")
-
     def _look(self) -> bool:
         """Take the newest State, if one has come."""
         self._check_open()
@@ -537,64 +459,8 @@ class Connection:
     def _wait(self, timeout_s: float) -> None:
         """Until a State has come."""
         if not wait_for(self._look, timeout_s):
-            raise LinkError(
-                f"no State of robot {self.robot!r} came within {timeout_s:g} s. A robot of "
-                "before this version sends only to `connect(…, every_tick=True)`"
-            )
+            raise LinkError(f"no State of robot {self.robot!r} came within {timeout_s:g} s")
 
     def _next(self, subscriber: Any, timeout_s: float) -> bytes | None:
         sample = wait_for(subscriber.try_recv, timeout_s)
         return None if sample is None else bytes(sample.payload.to_bytes())
-
-
-class AsyncConnection:
-    """`Connection` for asyncio: what it does is done by a thread, and awaited."""
-
-    def __init__(
-        self, robot: str | None, endpoint: str | None = None, *, every_tick: bool = False
-    ) -> None:
-        self._make = functools.partial(Connection, robot, endpoint, every_tick=every_tick)
-        self._connection: Connection | None = None
-
-    async def __aenter__(self) -> Self:
-        """Connect."""
-        self._connection = await asyncio.to_thread(self._make)
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        if self._connection is not None:
-            await asyncio.to_thread(self._connection.close)
-
-    def __getattr__(self, name: str) -> Any:
-        found = getattr(self._connected(), name)
-        if not callable(found):
-            return found
-
-        @functools.wraps(found)
-        async def call(*given: Any, **named: Any) -> Any:
-            return await asyncio.to_thread(found, *given, **named)
-
-        return call
-
-    async def states(self, timeout_s: float = 2.0) -> Any:
-        """Each State as it comes; see `Connection.states`."""
-        states = self._connected().states(timeout_s)
-        while True:
-            yield await asyncio.to_thread(next, states)
-
-    async def events(self, timeout_s: float = 2.0) -> AsyncIterator[dict[str, Any]]:
-        """What happens to the robot; see `Connection.events`."""
-        events = self._connected().events(timeout_s)
-        while (event := await asyncio.to_thread(next, events, None)) is not None:
-            yield event
-
-    def _connected(self) -> Connection:
-        if self._connection is None:
-            raise UsageError("connect first: `async with hoap3.connect_async(…) as robot`")
-        return self._connection

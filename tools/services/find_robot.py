@@ -10,7 +10,7 @@ from typing import Any
 from hoap3.protocol.answers import ROBOT_ANSWERS, check_answer
 from hoap3.protocol.config.endpoints import Place, over_tls
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError
-from hoap3.protocol.link.local_control import LocalRobot, local_robots, others_here
+from hoap3.protocol.link.local_control import NOT_STARTED, LocalRobot, local_robots, others_here
 from hoap3.protocol.runtime.private_directory import no_directory
 from hoap3.protocol.secure.refusals import listens
 from hoap3.tools.services.client import (
@@ -19,7 +19,7 @@ from hoap3.tools.services.client import (
     check_name,
     check_right,
     client_settings,
-    request_all,
+    tool_client,
 )
 
 Answer = dict[str, Any]
@@ -101,6 +101,13 @@ def release_robot(robot: str | None, endpoint: str | None = None) -> tuple[str, 
     return found.name, {"released": answer["released"]}
 
 
+def request_all(robot: str, verb: str, place: str) -> list[Answer]:
+    """Send a request over the network; see `RobotClient.request_all`."""
+    check_right(client_settings(place), verb)
+    with tool_client(robot, place) as client:
+        return client.request_all(verb)
+
+
 def reach_robot(robot: str | None, endpoint: str | None) -> tuple[str, str]:
     """Name of a running robot, and the endpoint at which the network reaches it.
 
@@ -143,6 +150,7 @@ def live_robots(endpoint: str | None) -> tuple[list[Answer], str]:
         UsageError: that cannot be an endpoint.
     """
     found = [_local(one) for one in local_robots()] if endpoint is None else []
+    found = [each for each in found if each.pop("mode") != "starting"]
     here = {(each["robot"], each["pid"]) for each in found}
     place = ENDPOINT if endpoint is None else endpoint
     if isinstance(place, Place) and not place:
@@ -174,6 +182,8 @@ def _find_all(robot: str | None) -> list[LocalRobot]:
     if robot is not None:
         check_name(robot)
     found = [one for one in local_robots() if robot in (None, one.name)]
+    if len(found) > 1:
+        found = [one for one in found if not one.starting] or found
     if len({one.name for one in found}) > 1:
         _refuse_several(found)
     return found
@@ -213,9 +223,12 @@ def endpoint_of(robot: LocalRobot) -> str:
     """Where the network reaches a robot on this machine.
 
     Raises:
-        LinkError: it does not answer, or Zenoh does not reach it.
+        LinkError: it does not answer, has not started yet, or Zenoh does not reach it.
     """
-    place = str((robot.ask("status").get("endpoints") or [""])[0])
+    answer = robot.ask("status")
+    if answer.get("mode") == "starting":
+        raise LinkError(f"robot {robot.name!r} (process {robot.pid}) {NOT_STARTED}")
+    place = str((answer.get("endpoints") or [""])[0])
     if not place or place.startswith("hoap3_tcp/"):
         raise LinkError(
             f"robot {robot.name!r} (process {robot.pid}) has no endpoint of Zenoh "
@@ -232,7 +245,7 @@ def _local(robot: LocalRobot) -> Answer:
         answer = {}
     place = (answer.get("endpoints") or [None])[0]
     found = {"robot": robot.name, "endpoint": place, "pid": robot.pid, "host": None}
-    return {**found, "session_id": answer.get("session_id")}
+    return {**found, "session_id": answer.get("session_id"), "mode": answer.get("mode")}
 
 
 def _answer(robot: LocalRobot, verb: str) -> Answer:

@@ -14,30 +14,42 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hoap3.protocol.config.endpoints import is_loopback, zone_fault
-from hoap3.protocol.config.settings import STANDARD_OUTPUT
+from hoap3.protocol.config.settings import MetricsSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.notes import Unserved
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
-from hoap3.tools.machine.large_blocks import give_back_large_blocks
-from hoap3.tools.machine.processes import Child, Lifeline, read_order, to_people
-from hoap3.tools.machine.sd_notify import NotifySettings
-from hoap3.tools.machine.stalls import PRIORITY, StallMonitor
-from hoap3.tools.services.monitoring.json_lines import JsonLines, facts_of
-from hoap3.tools.services.monitoring.reporter import EVENTS, Reporter
-from hoap3.tools.services.monitoring.watchdog import PINGS, Watchdog, status_words
-from hoap3.tools.services.stall_attribution import OutsideStalls
-from hoap3.tools.show.certificate_count import CertificateCount
+from hoap3.tools.analysis.certificates import CertificateCount
+from hoap3.tools.machine.processes import (
+    Child,
+    Lifeline,
+    give_back_large_blocks,
+    read_order,
+    to_people,
+)
+from hoap3.tools.machine.stalls import PRIORITY, OutsideStalls, StallMonitor
+from hoap3.tools.services.messages import (
+    LiveFigures,
+    LogLost,
+    MessageSender,
+    MetricsLost,
+    ObserverConfig,
+    ObserverResult,
+)
+from hoap3.tools.services.reporter import EVENTS, JsonLines, Reporter, facts_of
+from hoap3.tools.services.systemd_notify import PINGS, Watchdog, status_words
 
 if TYPE_CHECKING:
     from hoap3.tools.logs.log_writer import LogWriter
-    from hoap3.tools.services.monitoring.metrics import ServiceMetrics
+    from hoap3.tools.services.metrics import ServiceMetrics
 
 POLL_S = 0.005
 LIVE_S = 0.25
@@ -52,23 +64,12 @@ class ObserverHandle:
     """The handle that a service has of its observer.
 
     Args:
-        order: `side`, "robot" or "controller"; `robot`, its name; `directory`, folder of this run,
-            or None to record nothing; `attachments`, files for the log, by name; `metadata`, facts
-            for the log, by group; `limits`, bytes of the whole log, and of one file; `period_ns`
-            of the robot; `lockstep`, whether stamps are virtual; `json_lines`, the place of what
-            it tells as JSON and the size of a file there [bytes], or None; `watch`, CPUs whose
-            stalls are noted and count as the host's; `keep_awake`, whether these are kept from
-            falling asleep; `status_fd`, open file that takes a JSON line for every piece of news,
-            or None for people; `metrics`, `host` and `port` for them, and `certificate_ends`, a
-            Unix time or None, or None for no metrics; `notify`, a `NotifySettings` as a mapping
-            where systemd listens, or None.
+        config: of the observer.
         report: takes what became of the log, once, when it is lost, and of metrics that cannot be
             served; called in a thread.
 
     Attributes:
-        final: what it told at its end: `paths`, `dropped`, number of `states`, of the robot its
-            `summary`, of a controller `certificates` and its own summary as `outcome`. Empty where
-            it died.
+        result: its last message; None where it died.
         lost: why the log is not whole, for people; "" if it is.
         unserved: why metrics are not served, for people; "" if they are, or nobody wants them.
 
@@ -76,27 +77,27 @@ class ObserverHandle:
         OSError: its process cannot be started.
     """
 
-    def __init__(self, order: Mapping[str, Any], report: Callable[[str], None]) -> None:
+    def __init__(self, config: ObserverConfig, report: Callable[[str], None]) -> None:
         self.ring = Ring()
-        self.final: dict[str, Any] = {}
+        self.result: ObserverResult | None = None
         self.lost = self.unserved = ""
-        self._side, self._report = order["side"], report
-        self._notify = NotifySettings(**order["notify"]) if order["notify"] else None
+        self._side, self._report, self._notify = config.side, report, config.notify
         self._late, self._ended = False, threading.Event()
-        reader, last_words = os.pipe()
-        whole = json.dumps({**order, "fd": self.ring.fd, "last_words_fd": last_words})
-        status = [] if order["status_fd"] is None else [order["status_fd"]]
-        fds = [self.ring.fd, last_words, *status]
-        ours = order["json_lines"] and order["json_lines"]["place"] == STANDARD_OUTPUT
-        stdout = None if ours else subprocess.DEVNULL
+        reader, writer = os.pipe()
+        status = [] if config.status_fd is None else [config.status_fd]
         try:
-            self._process = Child(["hoap3.tools.services.observer"], whole, fds, stdout=stdout)
+            self._process = Child(
+                ["hoap3.tools.services.observer"],
+                (config, self.ring.fd, writer),
+                [self.ring.fd, writer, *status],
+                stdout=None if config.json_lines else subprocess.DEVNULL,
+            )
         except BaseException:
             os.close(reader)
             os.close(self.ring.fd)
             raise
         finally:
-            os.close(last_words)
+            os.close(writer)
         self._listener = threading.Thread(target=self._listen, args=(reader,), name="observer")
         self._listener.daemon = True
         self._listener.start()
@@ -129,25 +130,25 @@ class ObserverHandle:
         return not self.lost
 
     def _listen(self, reader: int) -> None:
-        """Take what the observer says until it ends; it sleeps in between."""
-        with os.fdopen(reader) as stream:
-            for line in stream:
-                try:
-                    said = json.loads(line)
-                except ValueError:
-                    break  # it was killed in the midst of it
-                if "lost" in said:
-                    self._lose(said["lost"], said["errno"])
-                elif "unserved" in said:
-                    self.unserved = f"the {self._side}'s metrics are not served: {said['unserved']}"
-                    self._report(Unserved(self.unserved))
-                else:
-                    self.final = said
-        if not self.final:
+        """Receive messages of the observer until it ends; it sleeps in between."""
+        with Connection(reader, writable=False) as pipe, suppress(EOFError, OSError):
+            while True:
+                self._receive(pipe.recv())
+        if self.result is None:
             code = self._process.end(END_S)
             why = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
             self._lose(f"its observer {f'took longer than {DRAIN_S:g} s' if self._late else why}")
             self._stand_in()
+
+    def _receive(self, message: LogLost | MetricsLost | ObserverResult) -> None:
+        match message:
+            case LogLost():
+                self._lose(message.reason, message.errno)
+            case MetricsLost():
+                self.unserved = f"the {self._side}'s metrics are not served: {message.reason}"
+                self._report(Unserved(self.unserved))
+            case ObserverResult():
+                self.result = message
 
     def _stand_in(self) -> None:
         """Ping the watchdog in place of an observer that died, until the service ends."""
@@ -172,14 +173,14 @@ def main() -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     # The service ends us, after its last record. Ignored, it would be so in the monitors, too.
     signal.signal(signal.SIGTERM, lambda *_: None)
-    parent, order = Lifeline(), read_order()
+    parent = Lifeline()
+    config, ring_fd, service_fd = read_order()
     give_back_large_blocks()  # of which each chunk of a log takes some
-    ring = Ring(order["fd"])
-    keeper = _LogKeeper(order, ring)
+    ring = Ring(ring_fd)
+    keeper = _LogKeeper(config, ring, MessageSender(service_fd))
     watchdog, pinging = None, threading.Event()
-    if order["notify"]:
-        settings = NotifySettings(**order["notify"])
-        watchdog = Watchdog(settings, lambda: ring.beats, time.monotonic)
+    if config.notify is not None:
+        watchdog = Watchdog(config.notify, lambda: ring.beats, time.monotonic)
         ping = threading.Thread(target=_ping, args=(watchdog, pinging), daemon=True)
         ping.start()
     due = time.monotonic() + LIVE_S
@@ -214,73 +215,71 @@ def _ping(watchdog: Watchdog, ended: threading.Event) -> None:
 class _LogKeeper:
     """What an observer does with what it sees: it writes, counts and tells."""
 
-    def __init__(self, order: dict[str, Any], ring: Ring) -> None:
+    def __init__(self, config: ObserverConfig, ring: Ring, service: MessageSender) -> None:
         from hoap3.tools.logs.log_writer import LogWriter
         from hoap3.tools.services.run_statistics import RunStatistics
 
-        self._last_words_fd = order["last_words_fd"]
+        self._config, self._service = config, service
+        self._status = None if config.status_fd is None else MessageSender(config.status_fd)
+        lines = JsonLines(facts_of(config.side, config.robot), to_people)
+        self._reporter = Reporter(
+            self._status, config.side, config.robot, lines if config.json_lines else None
+        )
         self._writer: LogWriter | None = None
         self._lost = False
         self._paths: list[Path] = []
-        if order["directory"]:
-            cap_bytes, file_bytes = order["limits"]
+        if config.folder is not None:
+            attachments = {name: text.encode() for name, text in config.attachments.items()}
             try:
                 self._writer = LogWriter(
-                    Path(order["directory"]),
-                    robot=order["robot"],
-                    side=order["side"],
-                    attachments={
-                        name: text.encode() for name, text in order["attachments"].items()
-                    },
-                    metadata=order["metadata"],
-                    cap_bytes=cap_bytes,
-                    file_bytes=file_bytes,
+                    config.folder,
+                    robot=config.robot,
+                    side=config.side,
+                    attachments=attachments,
+                    metadata=config.metadata,
+                    cap_bytes=config.cap_bytes,
+                    file_bytes=config.file_bytes,
                 )
             except (OSError, UsageError) as error:
                 self._lose(error)
-        self._monitor = StallMonitor(order["watch"], keep_awake=order["keep_awake"])
+        self._monitor = StallMonitor(config.watch, keep_awake=config.keep_awake)
         self._stalls = OutsideStalls(self._monitor.logs)
         self._said_watched = False
-        self._keep_awake = bool(order["keep_awake"])
         self._unwatched: set[int] = set()
         self._obtained: list[str] = []
-        self._is_robot = order["side"] == "robot"
-        self._statistics = RunStatistics(
-            order["period_ns"], self._stalls, timing=not order["lockstep"]
-        )
+        self._is_robot = config.side == "robot"
+        self._statistics = RunStatistics(config.period_ns, self._stalls, timing=not config.lockstep)
         self._certificates = CertificateCount()
         self._outcome: dict[str, Any] | None = None
-        self._reporter = _reporter(order)
         self._states = 0
         self._metrics: ServiceMetrics | None = None
-        if order["metrics"]:
-            self._serve(order, ring)
+        if config.metrics is not None:
+            self._serve(config.metrics, ring)
 
-    def _serve(self, order: dict[str, Any], ring: Ring) -> None:
+    def _serve(self, settings: MetricsSettings, ring: Ring) -> None:
         """Serve figures to Prometheus; where that cannot be, the service is told."""
-        from hoap3.tools.services.monitoring.metrics import (
+        from hoap3.tools.services.metrics import (
             LogFacts,
             MetricsServer,
             ServiceMetrics,
         )
 
-        folder = Path(order["directory"]) if order["directory"] else None
         self._metrics = ServiceMetrics(
-            order["side"],
-            order["robot"],
+            self._config.side,
+            self._config.robot,
             ring,
-            LogFacts(folder, self._log_bytes, lambda: self._lost),
+            LogFacts(self._config.folder, self._log_bytes, lambda: self._lost),
             self._statistics if self._is_robot else None,
             self._stalls,
-            order["metrics"]["certificate_ends"],
+            self._config.certificate_ends,
         )
-        host, port = order["metrics"]["host"], order["metrics"]["port"]
+        host, port = settings.host, settings.port or 0
         try:
             server = MetricsServer(self._metrics, host, port)
         except (OSError, UnicodeError) as error:  # a host that is no name
             fault = zone_fault(host)
             why = ". ".join(fault) if fault else getattr(error, "strerror", None) or str(error)
-            self._tell_service({"unserved": f"{why} ({host}, port {port})"})
+            self._service.send(MetricsLost(f"{why} ({host}, port {port})"))
             return
         who = "; anyone who can reach that address can read them" if not is_loopback(host) else ""
         self._reporter.say(f"metrics at {server.url}{who}", "said" if who else "routine")
@@ -318,7 +317,7 @@ class _LogKeeper:
             self._said_watched = True
             for cpu, log in self._monitor.logs.items():
                 self._obtained.append(f"CPU {cpu}: " + ("kept awake" if log.awake else "may sleep"))
-                as_asked = log.awake or not self._keep_awake
+                as_asked = log.awake or not self._config.keep_awake
                 self._reporter.say(self._obtained[-1], "detail" if as_asked else "said")
                 self.take(_event("STALLS_WATCHED", time.monotonic_ns(), cpu))
         reasons = dict.fromkeys(self._monitor.refused(), UNWATCHED)
@@ -339,8 +338,8 @@ class _LogKeeper:
     def tell(self) -> str:
         """What people watch; in one line, too."""
         live = self._statistics.live() if self._is_robot else None
-        if live is not None:
-            self._reporter.send("live", live)
+        if live is not None and self._status is not None:
+            self._status.send(LiveFigures(live))
         return status_words(live, self._states)
 
     def end(self, dropped: int) -> None:
@@ -357,18 +356,18 @@ class _LogKeeper:
                 self._lose(error)
             else:
                 self._paths = self._writer.paths
-        paths = [str(path) for path in self._paths]
-        final: dict[str, Any] = {"paths": paths, "dropped": dropped, "states": self._states}
+        result = ObserverResult(self._config.side, tuple(self._paths), self._states)
         if self._is_robot:
             summary = self._statistics.summary()
             summary["realtime"] = [*summary["realtime"], *self._obtained]
-            final["summary"] = {**summary, "dropped_records": dropped}
+            result = replace(result, summary={**summary, "dropped_records": dropped})
         else:
-            final["certificates"] = self._certificates.figures()
-            final["outcome"] = self._outcome
+            certificates = self._certificates.figures()
+            result = replace(result, certificates=certificates, outcome=self._outcome)
         self._reporter.sum_up(self.tell())
-        self._reporter.send("final", final)
-        self._tell_service(final)
+        if self._status is not None:
+            self._status.send(result)
+        self._service.send(result)
 
     def _lose(self, error: Exception) -> None:
         """The log ends here: say so at once, and go on counting."""
@@ -376,25 +375,11 @@ class _LogKeeper:
         cause = error if isinstance(error, OSError) else error.__cause__
         code = cause.errno if isinstance(cause, OSError) else None
         self._lost = True
-        self._tell_service({"lost": why, "errno": code or 0})
+        self._service.send(LogLost(why, code or 0))
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.abandon()
             self._paths = writer.paths
-
-    def _tell_service(self, content: dict[str, Any]) -> None:
-        with suppress(BrokenPipeError), open(self._last_words_fd, "w", closefd=False) as stream:
-            stream.write(json.dumps(content) + "\n")  # a broken pipe: it is gone
-
-
-def _reporter(order: Mapping[str, Any]) -> Reporter:
-    """Where this observer says what happens."""
-    side, robot, place, lines = order["side"], order["robot"], "", None
-    if order["json_lines"]:
-        place, most_bytes = order["json_lines"]["place"], order["json_lines"]["most_bytes"]
-        lines = JsonLines(place, facts_of(side, robot), to_people, most_bytes)
-    quiet = place == STANDARD_OUTPUT
-    return Reporter(order["status_fd"], side, robot, lines, quiet=quiet)
 
 
 def _event(kind: str, stamp: int, detail: int) -> Record:

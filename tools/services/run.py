@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
-import selectors
+import pickle
 import signal
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +20,43 @@ from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
 from hoap3.remote_controller.config import ControllerConfig, of_another_robot
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.jerk import jerk_notes
-from hoap3.robot_emulator.robots.follower_limits import follower_notes
+from hoap3.robot_emulator.robots.mimic_limits import mimic_joint_notes
+from hoap3.tools.analysis.certificates import CountingRecorder
+from hoap3.tools.analysis.verdicts import judge
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.machine.loopback_links import free_port
-from hoap3.tools.machine.processes import Child, StopFlag, check_open_files, to_people
+from hoap3.tools.machine.processes import (
+    SERVICE_MB,
+    Child,
+    StopFlag,
+    check_memory,
+    check_open_files,
+    to_people,
+)
+from hoap3.tools.services.configs import resolve_configs
+from hoap3.tools.services.messages import (
+    Message,
+    ObserverResult,
+    OnMessage,
+    RunStarts,
+    ServiceConfig,
+    ServiceFailed,
+    StatusMessage,
+)
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import placed
-from hoap3.tools.services.services import as_yaml, observer_for, run_folder, told, watched_cpus
-from hoap3.tools.show.certificate_count import CountingRecorder
-from hoap3.tools.show.refusal import forget, is_new, nothing_happened
-from hoap3.tools.show.verdicts import judge
-from hoap3.tools.simulate import suited
+from hoap3.tools.services.services import (
+    forget,
+    nothing_happened,
+    observer_for,
+    run_folder,
+    told,
+    watched_cpus,
+)
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
-
-News = Callable[[dict[str, Any]], None]
+MODULE = "hoap3.tools.services.services"  # its argument is for people who list processes
 
 
 def run_realtime(
@@ -42,7 +64,7 @@ def run_realtime(
     controller: ControllerConfig,
     duration: float,
     out: Path | None,
-    news: News,
+    on_message: OnMessage,
     files: tuple[str, str] = ("config", "config"),
     *,
     links: tuple[dict[str, Any], dict[str, Any]] | None = None,
@@ -55,7 +77,7 @@ def run_realtime(
         emulator, controller: settings of both; their links are replaced.
         duration: of the motion [s].
         out: folder of the log, or None for a new one below the configured directory.
-        news: takes each piece of news from the services and their observers.
+        on_message: receives each message of the services and their observers.
         files: names of both configs, for errors.
         links: changes of both links; by default they meet at a free TCP port.
         should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
@@ -68,25 +90,20 @@ def run_realtime(
         Hoap3Error: a service could not do its work; carries what it said.
     """
     check_open_files()
-    emulator, description = suited(emulator, controller, files)
-    made, folder = is_new(out), run_folder(emulator.log, out)
+    check_memory(SERVICE_MB)
+    emulator, description = resolve_configs(emulator, controller, files)
+    folder = run_folder(emulator.log, out)
 
     def report(text: str) -> None:
-        news({"news": text.news if isinstance(text, Note) else "said", "text": text})
+        on_message(StatusMessage(str(text), text.news if isinstance(text, Note) else "said"))
 
     here, there = links or _meeting(emulator)
     emulator = emulator.model_copy(update={"link": emulator.link.model_copy(update=here)})
     if emulator.link.kind == "hoap3_tcp":  # which does not tell the robot's description
         ports = emulator.link.hoap3_tcp.model_copy(update={"robot": emulator.robot})
         there = {**there, "hoap3_tcp": ports}
-    news(
-        {
-            "news": "begins",
-            "robot": description.name,
-            "at": ", ".join(emulator.link.places),
-            "log": str(folder) if folder else "none",
-        }
-    )
+    endpoints = ", ".join(emulator.link.places)
+    on_message(RunStarts(description.name, endpoints, str(folder) if folder else "none"))
     ours, theirs, claims = placed(emulator.realtime, controller.realtime, report)
     ours, theirs = _watched(ours, theirs)
     emulator = emulator.model_copy(update={"realtime": ours})
@@ -99,10 +116,10 @@ def run_realtime(
             "log": emulator.log,
         }
     )
-    work = _Services(news, should_stop or StopFlag())
+    work = _Services(on_message, should_stop or StopFlag())
     try:
-        work.start("emulator", as_yaml(emulator), files[0], folder, duration)
-        work.start("controller", as_yaml(controller), files[1], folder, None)
+        work.start("emulator", ServiceConfig(emulator, files[0], folder, duration))
+        work.start("controller", ServiceConfig(controller, files[1], folder))
         summary = work.watch(duration, meanwhile)
     except UsageError as error:
         if hint and work.failed == "controller":
@@ -111,7 +128,7 @@ def run_realtime(
     finally:
         work.stop()
         if work.refused:
-            forget(work.finals.values(), folder, made=made)
+            forget(work.results.values())
         for claim in claims:
             claim.release()
     return summary | told(transport_words(emulator.link), folder)
@@ -151,11 +168,10 @@ def run_lockstep(
     from hoap3.tools.simulate import Lockstep
 
     check_open_files()
-    emulator, description = suited(emulator, controller, files)
-    for note in (*follower_notes(description), *jerk_notes(description)):
+    emulator, description = resolve_configs(emulator, controller, files)
+    for note in (*mimic_joint_notes(description), *jerk_notes(description)):
         to_people(note)
-    made, refused = is_new(out), False
-    folder = run_folder(emulator.log, out)
+    folder, refused = run_folder(emulator.log, out), False
     observers: dict[str, ObserverHandle] = {}
     unlogged = CountingRecorder()
 
@@ -191,20 +207,20 @@ def run_lockstep(
     finally:
         for observer in observers.values():
             observer.close()
-        finals = [observer.final for observer in observers.values()]
-        if refused and all(map(nothing_happened, finals)):
-            forget(finals, folder, made=made)
+        results = {side: observer.result for side, observer in observers.items()}
+        if refused and all(map(nothing_happened, results.values())):
+            forget(results.values())
     lost = [observer.lost for observer in observers.values() if observer.lost]
-    if not all(finals):
+    robot = results["robot"]
+    if robot is None or robot.summary is None or None in results.values():
         raise Hoap3Error("; ".join(lost))
-    summary: dict[str, Any] = observers["robot"].final["summary"]
+    summary = robot.summary
     summary["log_lost"] = lost
     summary["metrics_lost"] = [o.unserved for o in observers.values() if o.unserved]
-    if folder is not None:
-        final = observers["controller"].final
-    else:
-        final = {"certificates": unlogged.count.figures(), "outcome": unlogged.outcome}
-    _join(summary, final)
+    controlled = results.get("controller") or ObserverResult(
+        "controller", certificates=unlogged.count.figures(), outcome=unlogged.outcome
+    )
+    _join(summary, controlled)
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
@@ -219,38 +235,32 @@ def run_lockstep(
 
 
 class _Services:
-    """Both services as children, and what they tell."""
+    """Both services as children, and their messages."""
 
-    def __init__(self, news: News, should_stop: Callable[[], bool]) -> None:
-        self._news, self._stop = news, should_stop
+    def __init__(self, on_message: OnMessage, should_stop: Callable[[], bool]) -> None:
+        self._on_message, self._stop = on_message, should_stop
         self._children: dict[str, Child] = {}
-        self._selector = selectors.DefaultSelector()
-        self._buffers: dict[int, bytes] = {}
-        self._commands: dict[int, str] = {}
-        self.said: list[str] = []
+        self._pipes: dict[Connection, str] = {}
+        self.last_text = ""
         self.summary: dict[str, Any] | None = None
         self.failure: Hoap3Error | None = None
         self.failed = ""  # the one that failed
-        self.finals: dict[str, dict[str, Any]] = {}  # last words of both observers
+        self.results: dict[str, ObserverResult] = {}  # of both observers
         self.damage: list[str] = []  # why logs are not whole
         self.unserved: list[str] = []  # why metrics are not served
 
-    def start(
-        self, command: str, config: str, file: str, folder: Path | None, duration: float | None
-    ) -> None:
-        """Start a service; its config comes on standard input, named after its file."""
-        reader, writer = os.pipe()
-        arguments = [command, "-", "--status-fd", str(writer), "--named", file]
-        arguments += ["--out", str(folder)] if folder else ["--set", "log.record=false"]
-        if duration is not None:
-            arguments += ["--duration", str(duration)]
-        os.set_blocking(reader, False)
-        self._buffers[reader], self._commands[reader] = b"", command
-        self._selector.register(reader, selectors.EVENT_READ)
+    def start(self, name: str, service: ServiceConfig[Any]) -> None:
+        """Start a service."""
+        pipes = os.pipe(), os.pipe()  # one writer each: a killed one ends its pipe
+        for reader, _ in pipes:
+            self._pipes[Connection(reader, writable=False)] = name
+        writers = pipes[0][1], pipes[1][1]
         try:
-            self._children[command] = Child(["hoap3.tools.cli.app", *arguments], config, [writer])
+            order = replace(service, status_fds=writers)
+            self._children[name] = Child([MODULE, name], order, writers)
         finally:
-            os.close(writer)
+            for writer in writers:
+                os.close(writer)
 
     def watch(self, duration: float, meanwhile: Callable[[], None]) -> dict[str, Any]:
         """The summary, once the robot has ended its motion, or somebody has ended it."""
@@ -279,7 +289,7 @@ class _Services:
             raise Hoap3Error("; ".join(self.damage) or without)
         self.summary["log_lost"] = self.damage
         self.summary["metrics_lost"] = self.unserved
-        _join(self.summary, self.finals.get("controller", {}))
+        _join(self.summary, self.results.get("controller", ObserverResult("controller")))
         return {**self.summary, "interrupted": self._stop(), "duration_s": duration}
 
     def stop(self) -> None:
@@ -293,69 +303,66 @@ class _Services:
             while child.poll() is None and time.monotonic() < limit:
                 self._listen(0.05)
             child.end(0.0)
-        while self._buffers and self._listen(0.0):
+        while self._listen(0.0):
             pass
 
     @property
     def refused(self) -> bool:
         """Whether a service failed, or was stopped, before a State had reached the controller."""
-        told = self.finals.get("controller", {"states": 0})
+        result = self.results.get("controller", ObserverResult("controller"))
         interrupted = self._stop() and not (self.summary or {}).get("ticks")
-        return (interrupted or self.failure is not None) and nothing_happened(told)
+        return (interrupted or self.failure is not None) and nothing_happened(result)
 
     def _listen(self, timeout: float) -> bool:
-        heard = False
-        for key, _ in self._selector.select(timeout):
-            try:
-                data = os.read(key.fd, 65536)
-            except BlockingIOError:
-                continue
-            heard = True
-            if not data:
-                self._selector.unregister(key.fd)
-                os.close(key.fd)
-                del self._buffers[key.fd]
-                continue
-            *lines, rest = (self._buffers[key.fd] + data).split(b"\n")
-            self._buffers[key.fd] = rest
-            for line in lines:
-                self._hear(json.loads(line), self._commands[key.fd])
-        return heard
+        """Receive one message of each service that has sent some; whether there were any."""
+        ready = wait(list(self._pipes), timeout)
+        for pipe in ready:
+            if isinstance(pipe, Connection):
+                try:
+                    message: Message = pipe.recv()
+                except (EOFError, OSError, pickle.UnpicklingError):
+                    del self._pipes[pipe]
+                    pipe.close()
+                else:
+                    self._receive(message, self._pipes[pipe])
+        return bool(ready)
 
-    def _hear(self, item: dict[str, Any], command: str) -> None:
-        if item["news"] in {"said", "damaged", "unserved", "detail", "routine", "not granted"}:
-            self.said.append(item["text"])
-            if item["news"] == "damaged":
-                self.damage.append(item["text"])
-            elif item["news"] == "unserved":
-                self.unserved.append(item["text"])
-        elif item["news"] == "failed" and self.failure is None:
-            self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
-            self.failed = command
-        elif item["news"] == "final":
-            self.finals[item["side"]] = item
-            self.summary = item.get("summary", self.summary)
-        self._news(item)
+    def _receive(self, message: Message, service: str) -> None:
+        match message:
+            case StatusMessage():
+                if message.kind != "compiling":
+                    self.last_text = message.text
+                if message.kind == "damaged":
+                    self.damage.append(message.text)
+                elif message.kind == "unserved":
+                    self.unserved.append(message.text)
+            case ServiceFailed() if self.failure is None:
+                self.failure = (UsageError if message.usage else Hoap3Error)(message.text)
+                self.failed = service
+            case ObserverResult():
+                self.results[message.side] = message
+                self.summary = message.summary or self.summary
+        self._on_message(message)
 
     def _failure(self, what: str) -> str:
-        return f"{what}; last heard: {self.said[-1]}" if self.said else what
+        return f"{what}; last heard: {self.last_text}" if self.last_text else what
 
 
-def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
+def _join(summary: dict[str, Any], controller: ObserverResult) -> None:
     """Put what the controller alone knows into the robot's summary.
 
     Args:
         summary: of the robot; changed.
-        controller: last words of the controller's observer; empty where there are none.
+        controller: of the controller's observer.
     """
-    theirs = controller.get("certificates")
+    theirs = controller.certificates
     if summary["certificates"] and theirs:
         summary["certificates"]["reasons"] = theirs["reasons"]
     verdict = summary["verdicts"]["deadlines"]
     verdict = FAIL if verdict == NOT_JUDGED else verdict  # answers should have been requested
     deadlines = {"verdict": verdict, **summary["deadlines"]}
     counts = {**summary["limits_and_balance"], **summary}
-    summary |= judge(deadlines, counts, controller.get("outcome"), expected=True)
+    summary |= judge(deadlines, counts, controller.outcome, expected=True)
 
 
 def _watched(

@@ -15,9 +15,9 @@ from hoap3.protocol.runtime.deadlines import Durations, Jitter
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.certificate import checked_status
 from hoap3.robot_emulator.setpoint_validator import HISTORY
-from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
-from hoap3.tools.show.certificate_count import CertificateCount, reasons_on_wire
-from hoap3.tools.show.verdicts import judge
+from hoap3.tools.analysis.certificates import CertificateCount, reasons_on_wire
+from hoap3.tools.analysis.verdicts import judge
+from hoap3.tools.machine.stalls import FOREVER, OutsideStalls
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
 """Parts of the round trip. The first five are the controller's, on its own clock; `network` is

@@ -8,133 +8,59 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import yaml
 
 from hoap3.protocol.config.settings import (
     LogSettings,
-    MetricsSettings,
     RealtimeSettings,
     Settings,
-    apply_overrides,
-    parse,
-    parse_yaml,
 )
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UrdfWarning, UsageError
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
-from hoap3.protocol.runtime.notes import Note, Routine
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.protocol.runtime.notes import Note, NoteKind, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.protocol.secure.credentials import read_credentials
-from hoap3.remote_controller.config import ControllerConfig, check_parameters, is_name
-from hoap3.remote_controller.config import read_config as read_controller_config
+from hoap3.remote_controller.config import ControllerConfig, is_name
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
-from hoap3.robot_emulator.service import describe, serve, serve_lockstep
+from hoap3.robot_emulator.service import describe, serve
+from hoap3.tools.analysis.output import Meter, print_line, watch_compilation
+from hoap3.tools.analysis.result_folder import new_name, remove_if_empty
+from hoap3.tools.analysis.verdicts import failed
 from hoap3.tools.logs.log_format import SIDES, file_name
-from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of, enclosed
+from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of
 from hoap3.tools.logs.pruning import prune
-from hoap3.tools.machine.extras import check_metrics
-from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
-from hoap3.tools.machine.sd_notify import NotifySettings
-from hoap3.tools.machine.software import software
-from hoap3.tools.services.monitoring.json_lines import (
-    MB,
-    OF_NEWS,
-    JsonLines,
-    QueuedLines,
-    facts_of,
+from hoap3.tools.machine.machine import check_extra, machine_block, software
+from hoap3.tools.machine.processes import (
+    StopFlag,
+    check_open_files,
+    read_order,
+    run_program,
+    to_people,
+)
+from hoap3.tools.services.configs import load_emulator_config
+from hoap3.tools.services.messages import (
+    Config,
+    MessageSender,
+    ObserverConfig,
+    ObserverResult,
+    ServiceConfig,
+    ServiceFailed,
+    StatusMessage,
 )
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import settled_alone
-from hoap3.tools.show.kernel_news import watch_compilation
-from hoap3.tools.show.output import Meter, print_line
-from hoap3.tools.show.refusal import forget, is_new, nothing_happened
-from hoap3.tools.show.result_folder import new_name, remove_if_empty
-from hoap3.tools.show.verdicts import failed
-from hoap3.tools.simulate import emulator_content
+from hoap3.tools.services.reporter import OF_NEWS, JsonLines, QueuedLines, facts_of
+from hoap3.tools.services.systemd_notify import NotifySettings
 
 COMPILING = "compiling kernels, once for each version"
-NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
-
-
-STANDARD_INPUT = "-"
-
-Config = TypeVar("Config", EmulatorConfig, ControllerConfig)
-
-
-def emulator_config(
-    name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
-) -> tuple[EmulatorConfig, str]:
-    """Settings of an emulator: a config or a robot, changed by `--set`, and where it was read.
-
-    Args:
-        name: a shipped config, a robot, a file, or `-` for standard input.
-        overrides: `dotted.key=value`, each.
-        realtime: False for an ordinary process.
-        named: what errors call it.
-    """
-    given = _piped(named) if name == STANDARD_INPUT else emulator_content(name)
-    return _changed(EmulatorConfig, given, overrides, realtime=realtime)[0], given[1]
-
-
-def controller_config(
-    name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
-) -> tuple[ControllerConfig, str]:
-    """Settings of a controller, its parameters checked; arguments as for `emulator_config`."""
-    given = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
-    config, label = _changed(ControllerConfig, given, overrides, realtime=realtime)
-    config = enclosed(config, given[1])
-    check_parameters(config, label)
-    return config, given[1]
-
-
-def _changed(
-    model: type[Config], given: tuple[dict[str, Any], str], overrides: list[str], *, realtime: bool
-) -> tuple[Config, str]:
-    """Settings as `--set` and `--no-realtime` change them, and what errors call them."""
-    content, file = apply_overrides(given[0], overrides), given[1]
-    label = f"{file} with --set" if overrides else file
-    given_realtime = content.get("realtime", {})
-    if not realtime and isinstance(given_realtime, dict):  # else it is refused below
-        content["realtime"] = {**given_realtime, **NO_REALTIME}
-    return parse(model, content, label), label
-
-
-def split_overrides(overrides: list[str]) -> tuple[list[str], list[str]]:
-    """Overrides of a run: those for the emulator, and those for the controller.
-
-    Raises:
-        ConfigError: one begins with neither name.
-    """
-    sides: dict[str, list[str]] = {"emulator": [], "controller": []}
-    for override in overrides:
-        side, _, rest = override.partition(".")
-        if side not in sides:
-            raise ConfigError(
-                "--set",
-                override.partition("=")[0],
-                override,
-                "belongs to neither side",
-                "Begin with `emulator.` or `controller.`",
-            )
-        sides[side].append(rest)
-    return sides["emulator"], sides["controller"]
-
-
-def _piped(named: str | None) -> tuple[dict[str, Any], str]:
-    """Settings from standard input; modules beside the file that they came from can be found."""
-    file = named or "standard input"
-    content = parse_yaml(sys.stdin.read(), file)
-    if named is not None and Path(named).is_file():
-        sys.path.append(str(Path(named).resolve().parent))
-    return content, file
 
 
 def run_folder(
@@ -207,55 +133,45 @@ def observer_for(
     report: Callable[[str], None],
     notify: NotifySettings | None = None,
 ) -> ObserverHandle:
-    """The observer of a service; `report` is told, in a thread, when the log is lost."""
-    log = config.log
-    order = {
-        "side": side,
-        "robot": robot,
-        "directory": str(folder) if folder else None,
-        "attachments": {"config.yaml": as_yaml(config), **_motions(config)},
-        "metadata": {
+    """The observer of a service; `report` is called, in a thread, when the log is lost.
+
+    Raises:
+        NotInstalledError: metrics could not be served.
+        ConfigError: the certificate cannot be used.
+    """
+    log, metrics, ends = config.log, config.metrics, None
+    if metrics.port is not None:
+        check_extra("metrics")
+        secure = config.link.secure
+        ends = None if secure is None else read_credentials(secure).expires.timestamp()
+    observer = ObserverConfig(
+        side=side,
+        robot=robot,
+        folder=folder,
+        period_ns=period_ns,
+        attachments={"config.yaml": as_yaml(config), **_motions(config)},
+        metadata={
             "versions": software(),
             "machine": {key: json.dumps(value) for key, value in machine_block().items()},
             "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
         },
-        "limits": (log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
-        "json_lines": _lines_order(log) if status_fd is None else None,
-        "period_ns": period_ns,
-        "lockstep": lockstep,
-        "watch": () if lockstep else watched_cpus(config.realtime),
-        "keep_awake": config.realtime.keep_awake,
-        "status_fd": status_fd,
-        "notify": asdict(notify) if notify else None,
-        "metrics": _metrics(config.metrics, config.link.secure),
-    }
-    return ObserverHandle(order, report)
+        cap_bytes=log.cap_mb * 1_000_000,
+        file_bytes=log.file_mb * 1_000_000,
+        lockstep=lockstep,
+        json_lines=log.json_lines is not None and status_fd is None,
+        watch=() if lockstep else watched_cpus(config.realtime),
+        keep_awake=config.realtime.keep_awake,
+        metrics=metrics if metrics.port is not None else None,
+        certificate_ends=ends,
+        notify=notify,
+        status_fd=status_fd,
+    )
+    return ObserverHandle(observer, report)
 
 
-def _lines_order(log: LogSettings) -> dict[str, Any] | None:
-    """Where an observer writes JSON lines; one of a `run` writes none, as it is no service."""
-    if log.json_lines is None:
-        return None
-    return {"place": log.json_lines, "most_bytes": log.json_lines_mb * MB}
-
-
-def _metrics(metrics: MetricsSettings, secure: str | None) -> dict[str, Any] | None:
-    """Where figures are to be served, and when the certificate in a folder ends; None: nowhere.
-
-    Raises:
-        NotInstalledError: they could not be.
-        ConfigError: the certificate cannot be used.
-    """
-    if metrics.port is None:
-        return None
-    check_metrics()
-    ends = None if secure is None else read_credentials(secure).expires.timestamp()
-    return {**metrics.model_dump(), "certificate_ends": ends}
-
-
-def notify_settings(status_fd: int | None) -> NotifySettings | None:
+def notify_settings(*, alone: bool) -> NotifySettings | None:
     """Where systemd listens to a service that it started; one of a `run` tells it nothing."""
-    return NotifySettings.of(os.environ) if status_fd is None else None
+    return NotifySettings.of(os.environ) if alone else None
 
 
 def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
@@ -284,15 +200,10 @@ def told(transport: str, folder: Path | None) -> dict[str, Any]:
 
 
 def run_emulator(
-    config: EmulatorConfig,
-    file: str,
-    *,
-    lockstep: bool,
-    duration: float | None,
-    out: Path | None,
-    status_fd: int | None,
+    service: ServiceConfig[EmulatorConfig],
     should_stop: Callable[[], bool],
-    verbose: bool = False,
+    *,
+    lockstep: bool = False,
 ) -> tuple[int, dict[str, Any] | None]:
     """Run a robot until it is told to stop.
 
@@ -302,43 +213,38 @@ def run_emulator(
         nothing followed is no failure.
     """
     check_open_files()
-    if status_fd is not None:  # who started us has read the robot, too, and has said what it found
+    if (
+        service.status_fds is not None
+    ):  # the process that started this one has reported its warnings
         warnings.simplefilter("ignore", UrdfWarning)
-    description = describe(config, file)
-    period_ns = round(description.period_s * 1e9)
+    description = describe(service.config, service.file)
+    period_ns, duration = round(description.period_s * 1e9), service.duration_s
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
-    run = serve_lockstep if lockstep else serve
-    name = description.name
-    with closing(StatusReporter(status_fd, verbose=verbose)) as voice:
+    with closing(StatusReporter(service.status_fds, verbose=service.verbose)) as voice:
         watch_compilation(voice.compiling)
-        observed = _observed("robot", name, config, out, voice, period_ns, lockstep=lockstep)
+        observed = _observed(service, description.name, voice, period_ns, lockstep=lockstep)
         try:
             with observed as (observer, folder, settled):
                 recorder = _recorder(observer, lockstep=lockstep)
                 asked = observer.watching(should_stop)
-                loop = run(settled, description, recorder, voice.say, asked, ticks)
+                loop = serve(
+                    settled, description, recorder, voice.say, asked, ticks, lockstep=lockstep
+                )
         except Hoap3Error as error:
             return voice.fail(error), None
-    summary = observer.final.get("summary")
+    summary = observer.result.summary if observer.result is not None else None
     if summary is not None:
         summary["log_lost"] = [observer.lost] if observer.lost else []
         summary["metrics_lost"] = [observer.unserved] if observer.unserved else []
-        summary |= told(config.link.kind + (", virtual time" if lockstep else ""), folder)
+        summary |= told(service.config.link.kind + (", virtual time" if lockstep else ""), folder)
     bad = summary is not None and failed(summary["verdicts"])
     return 1 if loop.safe_stops or bad or observer.lost or observer.unserved else 0, summary
 
 
 def run_controller(
-    config: ControllerConfig,
-    file: str,
-    *,
-    out: Path | None,
-    status_fd: int | None,
-    should_stop: Callable[[], bool],
-    verbose: bool = False,
-    duration: float | None = None,
+    service: ServiceConfig[ControllerConfig], should_stop: Callable[[], bool]
 ) -> int:
-    """Run a controller until it is stopped, or has followed its robot for `duration` [s].
+    """Run a controller until it is stopped, or has followed its robot for `duration_s`.
 
     Returns:
         Exit code, 1 where its log or metrics were lost.
@@ -347,20 +253,21 @@ def run_controller(
     from hoap3.remote_controller.service import Service
 
     on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
+    config, file = service.config, service.file
     if not is_name(config.robot):
-        named = describe(*emulator_config(config.robot, [])).name
-        config = config.model_copy(update={"robot": named})
-    with closing(StatusReporter(status_fd, verbose=verbose)) as voice:
+        named = describe(*load_emulator_config(config.robot, [])).name
+        service = replace(service, config=config.model_copy(update={"robot": named}))
+    with closing(StatusReporter(service.status_fds, verbose=service.verbose)) as voice:
         watch_compilation(voice.compiling)
-        observed = _observed("controller", config.robot, config, out, voice, 1_000_000)
+        observed = _observed(service, service.config.robot, voice, 1_000_000)
         try:
             with observed as (observer, folder, settled):
                 one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
                 robot = _robot_of(settled, file) if settled.link.kind == "hoap3_tcp" else None
 
                 asked = observer.watching(should_stop)
-                service = Service(settled, one, voice.say, asked, file, other, on_stop, robot)
-                service.run(duration)
+                loop = Service(settled, one, voice.say, asked, file, other, on_stop, robot)
+                loop.run(service.duration_s)
         except Hoap3Error as error:
             return voice.fail(error)
         voice.result(f"log: {folder or 'none'}")
@@ -394,10 +301,8 @@ def _robot_of(config: ControllerConfig, file: str) -> RobotDescription:
 
 @contextmanager
 def _observed(
-    side: str,
+    service: ServiceConfig[Config],
     robot: str,
-    config: Config,
-    out: Path | None,
     voice: StatusReporter,
     period_ns: int,
     *,
@@ -408,29 +313,29 @@ def _observed(
     Afterwards the observer has ended, and the CPU is free again. What is refused before anything
     has happened leaves no log, and no folder: a service may be started again every few seconds.
     """
-    notify = notify_settings(voice.status_fd)
+    config, fds = service.config, service.status_fds
+    side = "robot" if isinstance(config, EmulatorConfig) else "controller"
+    notify = notify_settings(alone=fds is None)
     voice.write_lines(config.log, side, robot)
-    made, folder = is_new(out), run_folder(config.log, out, (side,), voice.say)
+    folder = run_folder(config.log, service.out, (side,), voice.say)
     claim = None
     try:
-        try:
-            if not lockstep:
-                realtime, claim = settled_alone(config.realtime, side, voice.say)
-                config = config.model_copy(update={"realtime": realtime})
-            observer = observer_for(
-                side,
-                robot,
-                config,
-                folder,
-                period_ns=period_ns,
-                lockstep=lockstep,
-                status_fd=voice.status_fd,
-                report=voice.lost,
-                notify=notify,
-            )
-        except (Hoap3Error, OSError):
-            forget((), folder, made=made)
-            raise
+        if not lockstep:
+            realtime, claim = settled_alone(config.realtime, side, voice.say)
+            config = config.model_copy(update={"realtime": realtime})
+        observer = observer_for(
+            side,
+            robot,
+            config,
+            folder,
+            period_ns=period_ns,
+            lockstep=lockstep,
+            status_fd=None if fds is None else fds[1],
+            report=voice.lost,
+            notify=notify,
+        )
+        if fds is not None:
+            os.close(fds[1])  # it ends with the observer, however that ends
         refused = False
         try:
             yield observer, folder, config
@@ -439,8 +344,8 @@ def _observed(
             raise
         finally:
             observer.close()
-            if refused and nothing_happened(observer.final):
-                forget([observer.final], folder, made=made)
+            if refused and nothing_happened(observer.result):
+                forget([observer.result])
     finally:
         if claim is not None:
             claim.release()
@@ -453,79 +358,77 @@ def _recorder(observer: ObserverHandle, *, lockstep: bool) -> Recorder:
 
 
 class StatusReporter:
-    """Tells people, or the process that started us, what a service has to say.
+    """Reports what a service has to say to people, or to the process that started it.
 
     Args:
-        status_fd: pipe to that process, shared with the observer; None for people.
+        status_fds: pipes to that process, for this one and for its observer; None for people.
         verbose: show people details, too.
     """
 
-    def __init__(self, status_fd: int | None, *, verbose: bool = False) -> None:
-        self.status_fd, self._verbose = status_fd, verbose
+    def __init__(self, status_fds: tuple[int, int] | None, *, verbose: bool = False) -> None:
+        self.status_fds, self._verbose = status_fds, verbose
         self._meter = Meter(COMPILING, None)
-        self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
+        self._sender = None if status_fds is None else MessageSender(os.dup(status_fds[0]))
         self._lines: QueuedLines | None = None
-        self._quiet = self._compiled = False
+        self._compiled = False
         self._shown = warnings.showwarning
 
     def write_lines(self, log: LogSettings, side: str, robot: str) -> None:
-        """From now on write JSON lines, too, where the settings say so; in a `run` never.
+        """From now on write JSON lines instead, where the settings ask for it; in a `run` never.
 
         Raises:
-            ConfigError: they cannot be written there.
+            ConfigError: standard output is closed.
         """
-        if log.json_lines is None or self.status_fd is not None:
+        if log.json_lines is None or self.status_fds is not None:
             return
-        lines = JsonLines(log.json_lines, facts_of(side, robot), to_people)
-        try:
-            lines.open()
-        except OSError as error:
-            problem = f"cannot be written: {error.strerror}"
-            remedy = "Name a file in a folder that is there, stdout, or null"
-            raise ConfigError(
-                "settings", "log.json_lines", log.json_lines, problem, remedy
-            ) from error
-        self._lines, self._quiet = QueuedLines(lines), log.tells_json
+        if sys.stdout is None:  # its number may be another file's
+            problem, remedy = "is closed", "Open standard output, or write null"
+            raise ConfigError("settings", "log.json_lines", log.json_lines, problem, remedy)
+        self._lines = QueuedLines(JsonLines(facts_of(side, robot), to_people))
         warnings.showwarning = self._warn
 
-    def say(self, text: str, news: str = "said") -> None:
-        """Something to know; of which kind, for the process that started us."""
-        kind = text.news if isinstance(text, Note) else news
-        if self._stream is not None or kind != "detail" or self._verbose:
-            self._send({"news": kind, "text": text})
+    def say(self, text: str, kind: NoteKind = "said") -> None:
+        """Report text; a `Note` has its own kind."""
+        kind = text.news if isinstance(text, Note) else kind
+        if self._sender is not None and self._sender.send(StatusMessage(str(text), kind)):
+            return
+        if kind == "detail" and not self._verbose:
+            return
+        if self._lines is not None:
+            self._lines.write(*OF_NEWS[kind], str(text))
+        else:
+            to_people(text)
 
     def compiling(self, kernel: str) -> None:
-        """Tell that a kernel is being compiled."""
-        if self._stream is not None:
-            self.say(kernel, news="compiling")
-            return
-        if self._lines is not None and not self._compiled:
+        """Report that a kernel is being compiled."""
+        if self._sender is not None:
+            self.say(kernel, "compiling")
+        elif self._lines is None:
+            self._meter.step(kernel)
+        elif not self._compiled:
             self._compiled = True
             self._lines.write(*OF_NEWS["compiling"], COMPILING)
-        if not self._quiet:
-            self._meter.step(kernel)
 
     def result(self, text: str) -> None:
-        """What the service leaves; to people on standard output."""
-        if self._stream is not None or self._quiet:
+        """Report what the service leaves; to people on standard output."""
+        if self._sender is not None or self._lines is not None:
             self.say(Routine(text))
-            return
-        print_line(text)
-        if self._lines is not None:
-            self._lines.write(*OF_NEWS["routine"], text)
+        else:
+            print_line(text)
 
     def lost(self, text: str) -> None:
-        """The log of this service is lost."""
-        self.say(text, news="damaged")
+        """Report that the log or the metrics of this service are lost."""
+        self.say(text, "damaged")
 
     def fail(self, error: Hoap3Error) -> int:
-        """Tell what ended the service; its exit code. With nobody to tell, raise it again."""
-        usage = isinstance(error, UsageError)
-        if self._stream is None:
+        """Report what ended the service; its exit code. Without a process to tell, raise again."""
+        if self._sender is None:
             if self._lines is not None:
                 self._lines.write(*OF_NEWS["failed"], str(error))
             raise error
-        self._send({"news": "failed", "text": str(error), "usage": usage})
+        usage = isinstance(error, UsageError)
+        if not self._sender.send(ServiceFailed(str(error), usage)):
+            to_people(f"error: {error}")
         return 2 if usage else 1
 
     def close(self) -> None:
@@ -534,21 +437,38 @@ class StatusReporter:
             warnings.showwarning = self._shown
             self._lines.close()
 
-    def _warn(self, message: Warning | str, *about: Any, **more: Any) -> None:
+    def _warn(self, message: Warning | str, *_: Any, **__: Any) -> None:
         if self._lines is not None:
             self._lines.write("warning", "warning", str(message))
-        if not self._quiet:
-            self._shown(message, *about, **more)
 
-    def _send(self, item: dict[str, Any]) -> None:
-        if self._lines is not None:
-            self._lines.write(*OF_NEWS[item["news"]], str(item["text"]))
-        try:
-            if self._stream is not None:
-                self._stream.write(json.dumps(item) + "\n")
-                self._stream.flush()
-                return
-        except BrokenPipeError:  # whoever started us is gone
-            self._stream = None
-        if not self._quiet:
-            to_people(item["text"])
+
+def nothing_happened(result: ObserverResult | None) -> bool:
+    """Whether a log holds no State; the log of an observer that died is kept."""
+    return result is not None and result.states == 0
+
+
+def forget(results: Iterable[ObserverResult | None]) -> None:
+    """Remove logs of a start that was refused, so that the corrected command can take their place.
+
+    A folder that was made for them is removed at the end of this process: see `remove_if_empty`.
+
+    Args:
+        results: of the observers, which have ended.
+    """
+    for result in results:
+        for path in result.paths if result is not None else ():
+            path.unlink(missing_ok=True)
+
+
+def main() -> None:
+    """Be the process of a service that `run` starts."""
+    stop, service = StopFlag(), read_order()
+    if Path(service.file).is_file():  # modules next to a config can be found
+        sys.path.append(str(Path(service.file).resolve().parent))
+    if isinstance(service.config, EmulatorConfig):
+        sys.exit(run_emulator(service, stop)[0])
+    sys.exit(run_controller(service, stop))
+
+
+if __name__ == "__main__":
+    run_program(main)

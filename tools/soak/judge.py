@@ -1,17 +1,20 @@
-"""What a soak came to: its figures, and a verdict on each. docs/soak.md defines them."""
+"""What a soak came to: its figures, and a verdict on each. docs/soak.md defines them.
+
+How fast something grows is a line through it, with bounds that allow for its autocorrelation.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import t
 
 from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED, PASS, judge_deadlines
-from hoap3.tools.show.verdicts import failed
-from hoap3.tools.soak.rounds import Rounds
-from hoap3.tools.soak.trend import Series, block_means, trend
-from hoap3.tools.soak.watch import ROBOT, Watch
+from hoap3.tools.analysis.verdicts import failed
+from hoap3.tools.soak.watch import ROBOT, Rounds, Series, Watch
 
 LIMIT_MB_H = 1.0
 """Growth of a process that is taken for none, with 95 % confidence."""
@@ -19,6 +22,9 @@ BLOCK_S = 60.0
 LEAST_BLOCKS = 16  # of the measured time, where that is short
 ENDS = 10  # the part of the rounds, 1/10, that is the begin, and the end
 Figures = dict[str, Any]
+CONFIDENCE = 0.95
+STEEPEST = 2.0
+HOUR_S = 3600.0
 
 
 def judge(
@@ -96,7 +102,10 @@ def process_figures(rounds: Rounds, begin_s: float, times: Series) -> Figures:
             "end_mb": float(means[-1]),
             "min_mb": float(rss.min()),
             "max_mb": float(rss.max()),
-            **grows.as_json("mb_per_hour"),
+            **{
+                f"{name}_mb_per_hour": value if math.isfinite(value) else None
+                for name, value in grows._asdict().items()
+            },
             "blocks_s": middles.round(3).tolist(),
             "blocks_mb": means.round(6).tolist(),
         },
@@ -146,17 +155,12 @@ def _of_all(verdicts: list[str]) -> str:
 
 def _phase(watch: Watch, robot: Mapping[str, Series]) -> Figures:
     """Of the schedule, and of how late the robot woke."""
-    n = np.diff(robot["wakeup_seconds_count"])
-    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing was asked
-        late_us = np.diff(robot["wakeup_seconds_sum"]) / n * 1e6
-    grows = trend(*block_means(robot["t"][1:], late_us, _block_s(robot["t"])))
     kept = watch.drift_ns == 0 and len(watch.sessions) == 1
     return {
         "verdict": NOT_JUDGED if not watch.heard else PASS if kept else FAIL,
         "drift_ns": watch.drift_ns,
         "states": watch.heard,
         "sessions": len(watch.sessions),
-        "wakeup_trend": grows.as_json("us_per_hour"),
         "wakeup_mean_us": _ratio(
             _grown(robot["wakeup_seconds_sum"]), _grown(robot["wakeup_seconds_count"]), 1e6
         ),
@@ -199,26 +203,11 @@ def _deadlines(robot: Mapping[str, Series], summary: Mapping[str, Any] | None) -
         "success_rate_outside_stalls": (
             None if outside is None else _ratio(in_time, in_time + outside)
         ),
-        "worst_round": _worst(robot["t"][told][1:], met, missed + skipped),
         "worst_window": worst,
         "longest_run": None if summary is None else longest,
         "safe_stops": stops,
         "host_stalls": _grown(robot["host_stalls_total"]),
         "host_stall_seconds": _grown(robot["host_stall_seconds_total"]),
-    }
-
-
-def _worst(times: Series, met: Series, failures: Series) -> Figures | None:
-    """The least success rate from one round to the next, of how many ticks, and when it ended."""
-    ticks = met + failures
-    asked = np.flatnonzero(ticks > 0)
-    if not len(asked):
-        return None
-    worst = asked[np.argmin(met[asked] / ticks[asked])]
-    return {
-        "success_rate": float(met[worst] / ticks[worst]),
-        "ticks": int(ticks[worst]),
-        "at_s": float(times[worst]),
     }
 
 
@@ -262,3 +251,72 @@ def _most(values: Series) -> float | None:
 
 def _ratio(part: float | None, whole: float | None, scale: float = 1.0) -> float | None:
     return None if part is None or not whole else scale * part / whole
+
+
+class Trend(NamedTuple):
+    """A slope per hour, and what it is at least and at most, each with 95 % confidence.
+
+    Of fewer than three values the bounds are infinite, and the slope is no number.
+    """
+
+    slope: float
+    lower: float
+    upper: float
+
+
+def block_means(times: Series, values: Series, length_s: float) -> tuple[Series, Series]:
+    """Means over blocks of equal length.
+
+    What is no number is left out, and so is a block of nothing else.
+
+    Args:
+        times: ascending [s].
+        values: one at each of them.
+        length_s: of a block, from the first time on [s].
+
+    Returns:
+        Mean time of each block [s], and the mean of its values.
+    """
+    known = np.isfinite(values)
+    times, values = times[known], values[known]
+    if not len(times):
+        return times, values
+    last = max(int((times[-1] - times[0]) / length_s + 0.5), 1) - 1  # of a piece, no block
+    block = np.minimum(((times - times[0]) / length_s).astype(int), last)
+    n = np.bincount(block)
+    there = n > 0
+    middles = np.bincount(block, times)[there] / n[there]
+    above = np.bincount(block, values - values[0])[there] / n[there]  # 0, not nearly, of constants
+    return middles, values[0] + above
+
+
+def trend(times: Series, values: Series) -> Trend:
+    """The least-squares slope of a series, with one-sided bounds.
+
+    Values beside each other are alike: memory grows in steps, and stays. With the correlation r of
+    a residual with the next one, at least 0, n values are worth n (1 − r)/(1 + r) independent
+    ones, in the spread of the residuals as in the degrees of freedom of Student's t (Santer et al.
+    2000, doi:10.1029/1999JD901105). Below one degree, where a series is of one piece, the bounds
+    are ± `STEEPEST` times its whole range over its whole time: of a random walk, which keeps all
+    that it ever took, and any slope added to it, that is exceeded in at most 5 % of cases.
+
+    Args:
+        times: equally far apart [s], (n,).
+        values: at these times, (n,).
+    """
+    if len(times) < 3:
+        return Trend(math.nan, -math.inf, math.inf)
+    hours = (times - times.mean()) / HOUR_S
+    spread = float(hours @ hours)
+    values = values - values[0]  # or rounding would make a constant a series of one piece
+    values -= values.mean()
+    slope = float(hours @ values) / spread
+    residuals = values - slope * hours
+    square = float(residuals @ residuals)
+    alike = max(float(residuals[1:] @ residuals[:-1]) / square, 0.0) if square else 0.0
+    freedom = len(times) * (1.0 - alike) / (1.0 + alike) - 2.0
+    if freedom < 1.0:
+        steepest = STEEPEST * float(np.ptp(values) / np.ptp(hours))
+        return Trend(slope, -steepest, steepest)
+    margin = float(t.ppf(CONFIDENCE, freedom)) * math.sqrt(square / freedom / spread)
+    return Trend(slope, slope - margin, slope + margin)

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from hoap3.protocol.errors import UnknownNameError
 from hoap3.tools.bench import peers
+from hoap3.tools.bench.case_runner import BATCH, SETTLE, Case, Times, time_cases
 from hoap3.tools.bench.cycle import bench_cycle
-from hoap3.tools.bench.peers import PEERS, installed, missing, peer
-from hoap3.tools.bench.problems.streams import STREAM, gradients, jacobians
-from hoap3.tools.bench.solvers import bench_solvers, worst_error
-from hoap3.tools.bench.timing import BATCH, SETTLE, Contender, Times, race
+from hoap3.tools.bench.peers import PEERS
+from hoap3.tools.bench.solvers import STREAM, bench_solvers, gradients, jacobians, worst_error
 from hoap3.tools.cli.app import app
 
 FIGURES = {"samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
@@ -23,21 +21,18 @@ OF_BATCHES = {"batches", "batch_min_us", "batch_mean_us", "batch_max_us"}
 ERRORS = {  # what each solver's tolerance allows, relative to the largest speed
     "qp12": 1e-12,
     "daqp": 1e-10,
-    "quadprog": 1e-10,
     "osqp": 1e-3,
-    "osqp_bare": 1e-3,
-    "proxqp": 1e-2,
 }
 
 
 def test_all_take_their_turn_in_each_block_and_go_on_with_their_own_problems():
     calls: list[tuple[str, int]] = []
     sizes = {"a": 5, "b": 1000}
-    contenders = [
-        Contender(name, lambda k, name=name: calls.append((name, k)), [(k,) for k in range(size)])
+    cases = [
+        Case(name, lambda k, name=name: calls.append((name, k)), [(k,) for k in range(size)])
         for name, size in sizes.items()
     ]
-    times = race(contenders, samples=20, blocks=4)
+    times = time_cases(cases, samples=20, blocks=4)
     turn = SETTLE + 5 + BATCH
     assert [name for name, _ in calls] == (["a"] * turn + ["b"] * turn) * 4
     for name, size in sizes.items():
@@ -60,19 +55,21 @@ def test_arrays_are_read_before_they_are_timed_wherever_they_are_in_a_problem(mo
 
     first, second, third = (np.ones(n).view(Watched) for n in (1, 2, 3))
     problems = [(first, 0.5, [second], Program(third))]
-    race([Contender("a", lambda *problem: seen.append("call"), problems)], samples=1, batches=False)
+    time_cases(
+        [Case("a", lambda *problem: seen.append("call"), problems)], samples=1, batches=False
+    )
     assert seen == [1, 2, 3] * (SETTLE + 1) + ["call"] * (SETTLE + 1)
 
 
 def test_without_batches_there_are_none():
     calls: list[int] = []
-    times = race([Contender("a", calls.append, [(1,)])], samples=6, blocks=2, batches=False)
+    times = time_cases([Case("a", calls.append, [(1,)])], samples=6, blocks=2, batches=False)
     assert len(calls) == 2 * (SETTLE + 3)
     assert times["a"].figures().keys() == FIGURES
 
 
 def test_fewer_samples_make_fewer_blocks():
-    times = race([Contender("a", int, [()])], samples=7)
+    times = time_cases([Case("a", int, [()])], samples=7)
     assert times["a"].single.shape == (7, 1)
 
 
@@ -118,9 +115,9 @@ def test_gradients_are_positive_and_the_whole_of_a_jacobian_is_in_one_piece():
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.5, 0.8])
-@pytest.mark.parametrize("name", installed())
+@pytest.mark.parametrize("name", PEERS)
 def test_a_peer_agrees_with_the_kernel_at_every_call(name, gamma):
-    exact, found = peer("qp12", 13, gamma), peer(name, 13, gamma)
+    exact, found = PEERS["qp12"](13, gamma), PEERS[name](13, gamma)
     problems = gradients(13)
     assert worst_error(found, exact, problems + problems[::-7]) < ERRORS[name]
 
@@ -132,14 +129,9 @@ def test_the_error_of_an_answer_is_relative_to_the_largest_speed():
     assert worst_error(other, exact, problems) == pytest.approx(0.1)
 
 
-def test_an_unknown_peer_is_named():
-    with pytest.raises(UnknownNameError, match="daqp"):
-        peer("daqpp", 3, 0.5)
-
-
 def test_rows_of_solvers():
     rows = {row["solver"]: row for row in bench_solvers(samples=20)}
-    assert rows.keys() == {*installed(), "pinv", "pinv_svd", "reference"}
+    assert rows.keys() == {*PEERS, "pinv", "pinv_svd", "reference"}
     for name, row in rows.items():
         assert row.keys() == FIGURES | OF_BATCHES | {
             "solver",
@@ -149,7 +141,7 @@ def test_rows_of_solvers():
             "paper",
         }
         assert row["samples"] == row["batches"] == 20
-        if name in {*installed(), "pinv"}:
+        if name in {*PEERS, "pinv"}:
             assert row["worst_error"] < ERRORS.get(name, 1e-10)
     assert rows["qp12"]["times_qp12"] == 1.0
     assert rows["qp12"]["paper"]["mean_us"] == 1.358
@@ -167,32 +159,6 @@ def test_any_controller_has_a_cycle():
     assert bench_cycle("osqp", samples=10)[0]["solver"] == "osqp step"
 
 
-@pytest.fixture
-def without_quadprog(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "OPTIONAL", {"quadprog": "no_such_package"})
-    monkeypatch.setattr(peers, "PEERS", {k: v for k, v in PEERS.items() if k != "proxqp"})
-
-
-@pytest.mark.usefixtures("without_quadprog")
-def test_a_solver_that_is_not_installed_is_left_out_and_said():
-    assert missing() == {"quadprog": "no_such_package"}
-    done = CliRunner().invoke(app, ["bench", "solvers", "--samples", "10", "--json"])
-    printed = json.loads(done.stdout)
-    assert printed.keys() == {"rows", "general", "missing", "machine"}
-    assert "quadprog" in printed["missing"]
-    assert "quadprog" not in {row["solver"] for row in printed["rows"]}
-    with pytest.raises(UnknownNameError):
-        peer("quadprog", 3, 0.5)
-
-
-@pytest.mark.usefixtures("without_quadprog")
-def test_people_are_told_what_to_install(capsys):
-    from hoap3.tools.bench.show import show_missing
-
-    show_missing(missing())
-    assert "quadprog (pip install no_such_package)" in capsys.readouterr().out
-
-
 def test_people_see_a_row_for_each_solver():
     done = CliRunner().invoke(app, ["bench", "cycle", "--samples", "10"])
     assert done.exit_code == 0
@@ -200,7 +166,9 @@ def test_people_see_a_row_for_each_solver():
         assert word in done.stdout
 
 
-def test_the_command_prints_json_on_standard_output():
+def test_the_commands_print_json_on_standard_output():
+    done = CliRunner().invoke(app, ["bench", "solvers", "--samples", "10", "--json"])
+    assert json.loads(done.stdout).keys() == {"rows", "machine"}
     done = CliRunner().invoke(app, ["bench", "cycle", "--samples", "20", "--json"])
     assert done.exit_code == 0
     assert json.loads(done.stdout).keys() == {"rows", "machine"}

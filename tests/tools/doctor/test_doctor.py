@@ -17,7 +17,7 @@ from doctor_machine import ADVICE, OK, PROBLEM, LateClock, machine
 from support import HOUSE
 
 from hoap3.protocol.runtime.clock import VirtualClock
-from hoap3.tools.doctor import checks, doctor, probes, system
+from hoap3.tools.doctor import checks, doctor, system
 from hoap3.tools.doctor.doctor import examine, run_doctor, verdict
 from hoap3.tools.doctor.system import Finding
 
@@ -50,7 +50,7 @@ class SteppingClock(VirtualClock):
     ],
 )
 def test_a_clock_is_judged_by_its_steps_and_its_cost(tmp_path, step, every, level, found):
-    finding = probes.clock(machine(tmp_path, {}, clock=SteppingClock(step, every)))
+    finding = checks.clock(machine(tmp_path, {}, clock=SteppingClock(step, every)))
     assert finding.level == level
     assert found in finding.found
 
@@ -68,7 +68,7 @@ def test_wake_ups_are_judged_by_lateness_and_skipped_ticks(tmp_path, late, level
     class Clock(LateClock):
         now = VirtualClock.now
 
-    finding = probes.wake_up(machine(tmp_path, {}, clock=Clock(late)))
+    finding = checks.wake_up(machine(tmp_path, {}, clock=Clock(late)))
     assert finding.level == level, finding
     assert found in finding.found
 
@@ -151,7 +151,7 @@ def test_this_machine_is_examined(tmp_path):
 
 AS_NOBODY = """
 from hoap3.tools.doctor.doctor import examine
-from hoap3.tools.services.placement_probe import measure_placement
+from hoap3.tools.services.placement import measure_placement
 import json
 levels = {finding.name: finding.level for finding in examine(measure=False)}
 print(json.dumps({"levels": levels, "placement": measure_placement(ticks=20)}))

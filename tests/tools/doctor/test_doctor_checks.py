@@ -24,11 +24,7 @@ BUILD = "#1 SMP PREEMPT_DYNAMIC @0"
 VM = {"proc/cpuinfo": "flags\t: fpu hypervisor sse"}
 ADMIN = {"proc/self/status": "CapInh:\t0\nCapEff:\t000001ffffffffff"}
 NOBODY = {"proc/self/status": "CapInh:\t000001ffffffffff\nCapEff:\t0000000000000000"}
-V2, V1 = {"proc/self/cgroup": "0::/a/b"}, {"proc/self/cgroup": "1:cpu,cpuacct:/a\n0::/"}
-QUOTA_V1 = {
-    "sys/fs/cgroup/cpu/a/cpu.cfs_quota_us": "150000",
-    "sys/fs/cgroup/cpu/a/cpu.cfs_period_us": "100000",
-}
+V2 = {"proc/self/cgroup": "1:cpu,cpuacct:/a\n0::/a/b"}
 
 CASES = [
     # check, files, calls, level, in what was found, in the remedy
@@ -141,8 +137,6 @@ CASES = [
         "2.00 CPUs",
         "CPUQuota",
     ),
-    ("cpu_quota", {**V1, **QUOTA_V1}, {}, ADVICE, "1.50 CPUs", "docker"),
-    ("cpu_quota", {**V1, "sys/fs/cgroup/cpu/a/cpu.cfs_quota_us": "-1"}, {}, OK, "none", ""),
     ("kernel_cache", {}, {}, OK, "/cache/kernels-1", ""),
     ("kernel_cache", {}, {"kernel_cache": lambda: (None, False)}, ADVICE, "nowhere", "HOAP3_CACHE"),
     (

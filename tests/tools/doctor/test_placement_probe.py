@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.tools.doctor.doctor import placement_finding
-from hoap3.tools.services.placement_probe import Order, exchange, measure_placement, recommend
+from hoap3.tools.services.placement import Order, exchange, measure_placement, recommend
 
 
 class FakePeer:
@@ -111,12 +111,13 @@ def awake(monkeypatch):
     awake: list[int] = []
 
     @contextmanager
-    def kept_awake(cpus):
+    def monitor(cpus, keep_awake):
+        assert keep_awake
         awake.extend(cpus)
         yield
         awake.clear()
 
-    monkeypatch.setattr("hoap3.tools.services.placement_probe.kept_awake_apart", kept_awake)
+    monkeypatch.setattr("hoap3.tools.services.placement.StallMonitor", monitor)
     return awake
 
 
@@ -242,15 +243,15 @@ def locks(monkeypatch):
 
 
 def test_processes_really_exchange_messages(locks, monkeypatch):
-    share = "hoap3.tools.services.placement_probe.LOST"
-    monkeypatch.setattr(share, 0.9)  # a busy machine loses some of 25
+    share = "hoap3.tools.services.placement.LOST"
+    monkeypatch.setattr(share, 0.9)  # a busy machine loses some
     before = os.sched_getaffinity(0), os.sched_getscheduler(0)
-    outcome = measure_placement(ticks=25, policy="none")
+    outcome = measure_placement(ticks=200, policy="none")
     assert outcome["measured"], outcome
     assert "ordinary" in outcome["rights"]
     for name in {"one_cpu", "two_cpus"} & outcome.keys():
         rtt = outcome[name]["rtt_us"]
-        assert rtt["n"] + outcome[name]["lost"] == 25
+        assert rtt["n"] + outcome[name]["lost"] == 200
         assert 0 < rtt["min"] <= rtt["p50"] <= rtt["p99"] <= rtt["max"]
     assert outcome["one_cpu"]["cpus"] == [max(before[0])]
     assert (os.sched_getaffinity(0), os.sched_getscheduler(0)) == before

@@ -14,15 +14,22 @@ from typer.testing import CliRunner
 
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.tools.cli.latency import latency
+from hoap3.tools.analysis.cycles import NEVER
+from hoap3.tools.analysis.ticks import TickTable
+from hoap3.tools.cli.measurements import latency
 from hoap3.tools.latency import latency as measuring
 from hoap3.tools.latency.echo import Exchanges
-from hoap3.tools.latency.latency import WARM_UP, Plan, analyse_log, compare, measure_latency
-from hoap3.tools.latency.show import show_latency
+from hoap3.tools.latency.latency import (
+    WARM_UP,
+    Plan,
+    analyse_log,
+    compare,
+    measure_latency,
+    show_latency,
+)
 from hoap3.tools.machine.loopback_links import LINKS
-from hoap3.tools.services.services import emulator_config
-from hoap3.tools.timing.tick_logs import NEVER
-from hoap3.tools.timing.ticks import TickTable
+from hoap3.tools.services.configs import load_emulator_config
+from hoap3.tools.services.messages import LiveFigures, LoopEvent
 
 US = 1_000
 PROMISED = {
@@ -33,7 +40,7 @@ PROMISED = {
 
 
 def plan(**changes):
-    emulator, _ = emulator_config("hoap3", [], realtime=False)
+    emulator, _ = load_emulator_config("hoap3", [], realtime=False)
     return Plan(emulator, **{"blocks": 1, "ticks": 100, "realtime": False, **changes})
 
 
@@ -73,9 +80,9 @@ def made_up(monkeypatch):
     order = []
 
     def run(emulator, law, duration, folder, news, *, links, should_stop):
-        news({"news": "live"})
+        news(LiveFigures({}))
         order.append("link")
-        news({"news": "event", "kind": "granted"})
+        news(LoopEvent("granted", "granted", routine=True))
         folder.mkdir(parents=True)
         story = Story(round(duration * 1000), len(order))
         story.lengths["outbound"] += 10.0 * len(order)
@@ -86,10 +93,7 @@ def made_up(monkeypatch):
         def __init__(self, order_of_block, *_):
             self.ticks = order_of_block["ticks"]
 
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
+        def close(self):
             pass
 
         def begin(self):

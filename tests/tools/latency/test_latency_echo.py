@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.realtime import START_DELAY_NS
+from hoap3.tools.analysis.cycles import NEVER
+from hoap3.tools.analysis.tick_metrics import percentiles, response
 from hoap3.tools.latency.echo import BareEcho, TcpPeer, exchange
-from hoap3.tools.timing.tick_logs import NEVER
-from hoap3.tools.timing.tick_metrics import percentiles, response
 
 MS, US = 1_000_000, 1_000
 ORDINARY = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
@@ -127,7 +128,7 @@ def test_a_peer_that_is_gone_is_told():
 
 def test_two_processes_exchange_what_was_ordered_half_a_period_beside_a_robot():
     order = {"ticks": 200, "period_ns": MS, "sizes": (1000, 300)}
-    with BareEcho(order, ORDINARY, ORDINARY) as echo:
+    with closing(BareEcho(order, ORDINARY, ORDINARY)) as echo:
         before = MonotonicClock.now()
         echo.begin()
         found = echo.result()
@@ -144,13 +145,16 @@ def test_two_processes_exchange_what_was_ordered_half_a_period_beside_a_robot():
 
 def test_an_echo_that_nobody_began_ends_with_an_error():
     order = {"ticks": 200, "period_ns": MS, "sizes": (1000, 300)}
-    with BareEcho(order, ORDINARY, ORDINARY) as echo, pytest.raises(Hoap3Error, match="echo"):
+    with (
+        closing(BareEcho(order, ORDINARY, ORDINARY)) as echo,
+        pytest.raises(Hoap3Error, match="echo"),
+    ):
         echo.result()
 
 
 def test_a_placement_that_cannot_be_had_does_not_hang():
     order = {"ticks": 5000, "period_ns": MS, "sizes": (4, 4)}  # too few bytes for a tick
-    with BareEcho(order, ORDINARY, ORDINARY) as echo:
+    with closing(BareEcho(order, ORDINARY, ORDINARY)) as echo:
         echo.begin()
         with pytest.raises(Hoap3Error, match="did not come about"):
             echo.result()

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from support import HOUSE
-from support.log_samples import MS, START, describe, inputs, ticks, write
+from support.log_samples import MS, START, chunks_of, describe, inputs, ticks, write
 
 import hoap3.tools.logs.log
 from hoap3.protocol.runtime.shm_ring import Kind, Record
@@ -40,10 +40,7 @@ def new_writer(folder: Path, clock: FakeClock) -> LogWriter:
 
 def spans(path: Path) -> list[tuple[int, int]]:
     """First and last log time of each chunk of a finished file."""
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    return [(index.message_start_time, index.message_end_time) for index in summary.chunk_indexes]
+    return [(index.message_start_time, index.message_end_time) for index in chunks_of(path)]
 
 
 @given(st.lists(st.integers(-3 * SECOND, 3 * SECOND), max_size=60))
@@ -92,11 +89,9 @@ def test_wall_time_cuts_a_chunk_where_log_time_stands_still(tmp_path: Path) -> N
 def test_a_busy_stream_is_cut_by_size(tmp_path: Path) -> None:
     records = [Record(Kind.STATE, START, record.payload) for record in ticks(21, 4000)[::2]]
     path = write(tmp_path, records).paths[0]
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    assert len(summary.chunk_indexes) > 2
-    assert all(index.uncompressed_size < 1_100_000 for index in summary.chunk_indexes)
+    chunks = chunks_of(path)
+    assert len(chunks) > 2
+    assert all(index.uncompressed_size < 1_100_000 for index in chunks)
 
 
 CHILD = """

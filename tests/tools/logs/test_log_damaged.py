@@ -10,7 +10,6 @@ import subprocess
 import sys
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import IO
@@ -20,8 +19,8 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
-from support.log_samples import START, describe, inputs, ticks, write
+from mcap.records import Attachment, Chunk, Metadata
+from support.log_samples import START, Sample, chunks_of, describe, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Target
@@ -34,29 +33,11 @@ from hoap3.tools.logs.mcap_write import MAGIC, MESSAGE_HEAD, McapFile
 from hoap3.tools.logs.repair import repair
 
 
-@dataclass(repr=False)
-class Sample:
-    """A whole log, and where its chunks stand."""
-
-    content: bytes
-    records: list[Record]
-    chunks: list[ChunkIndex]
-
-    def without(self, *lost: ChunkIndex) -> list[Record]:
-        """What the other chunks hold."""
-        spans = [(chunk.message_start_time, chunk.message_end_time) for chunk in lost]
-        return [r for r in self.records if not any(a <= r.stamp <= b for a, b in spans)]
-
-
 @pytest.fixture(scope="module")
 def sample(tmp_path_factory: pytest.TempPathFactory) -> Sample:
-    records = inputs(describe(2)) + ticks(2, 3000)
-    path = write(tmp_path_factory.mktemp("log"), records).paths[0]
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    assert len(summary.chunk_indexes) > 4
-    return Sample(path.read_bytes(), records, summary.chunk_indexes)
+    found = Sample.of(tmp_path_factory.mktemp("log"), 3000)
+    assert len(found.chunks) > 4
+    return found
 
 
 def changed(path: Path, content: bytes, *places: int, wrong: int = 255) -> Path:
@@ -142,10 +123,7 @@ def test_a_damaged_chunk_does_not_hide_the_files_that_follow(tmp_path: Path) -> 
     records = inputs(describe(1)) + ticks(1, 4000)
     paths = write(tmp_path, records, file_bytes=200_000, cap_bytes=100_000_000).paths
     assert len(paths) > 2
-    with paths[0].open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    chunk = summary.chunk_indexes[1]
+    chunk = chunks_of(paths[0])[1]
     changed(paths[0], paths[0].read_bytes(), chunk.chunk_start_offset + chunk.chunk_length // 2)
     log = Log.open(tmp_path)
     assert log.paths == paths

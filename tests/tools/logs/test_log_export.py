@@ -253,7 +253,7 @@ def test_without_pyarrow_the_remedy_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path, ticks(1, 5))
-    monkeypatch.setattr("hoap3.tools.logs.export.find_spec", lambda _: None)
+    monkeypatch.setattr("hoap3.tools.machine.machine.find_spec", lambda _: None)
     with pytest.raises(NotInstalledError, match=r"hoap3\[parquet\]"):
         export(tmp_path, tmp_path / "a.parquet")
     assert not (tmp_path / "a.parquet").exists()

@@ -120,6 +120,7 @@ def test_an_mcap_of_somebody_else(tmp_path: Path, profile: str, topic: str) -> N
     ("facts", "match"),
     [
         ({"wire_version": "3"}, "wire version 3; this version reads"),
+        ({"wire_version": "1"}, "hoap3 0.2"),
         ({"format": "9"}, "has format 9"),
         ({"robot": "other"}, "its topics are not those"),
         ({"side": "neither"}, "none of ours"),

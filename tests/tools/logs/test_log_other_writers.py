@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from mcap.writer import CompressionType
-from support.log_samples import describe, inputs, ticks, write
+from support.log_samples import chunks_of, describe, inputs, ticks, write
 from support.logs.rewritten_log import WAYS, rewritten
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.export import export
-from hoap3.tools.logs.indexed_log import IndexedLog
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.repair import repair
 
@@ -46,7 +44,7 @@ def test_a_rewritten_log_has_the_same_records(tmp_path: Path, ours: Path, way: s
 @pytest.mark.parametrize("way", WAYS)
 def test_a_rewritten_log_is_shown_at_any_time(tmp_path: Path, ours: Path, way: str) -> None:
     path = rewritten(tmp_path / "robot.mcap", ours, **WAYS[way])
-    expected, found = IndexedLog(ours), IndexedLog(path)
+    expected, found = Log.indexed(ours), Log.indexed(path)
     assert (found.begin, found.end) == (expected.begin, expected.end)
     for stamp in np.linspace(expected.begin, expected.end, 7).astype(int).tolist():
         one, other = expected.state_at(stamp), found.state_at(stamp)
@@ -101,11 +99,8 @@ def test_a_damaged_chunk_of_another_writer_is_skipped(
     tmp_path: Path, ours: Path, compression: CompressionType
 ) -> None:
     path = rewritten(tmp_path / "robot.mcap", ours, compression=compression, chunk_size=4096)
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
     content = bytearray(path.read_bytes())
-    chunk = summary.chunk_indexes[20]
+    chunk = chunks_of(path)[20]
     content[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 255
     path.write_bytes(content)
     log = Log.open(path)

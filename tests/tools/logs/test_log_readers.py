@@ -21,8 +21,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from support.log_samples import MS, START, describe, inputs, ticks, write
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
 

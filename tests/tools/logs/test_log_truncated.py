@@ -6,48 +6,25 @@ import errno
 import fcntl
 import os
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.records import ChunkIndex
 from mcap.stream_reader import StreamReader
-from support.log_samples import MS, START, describe, inputs, ticks, write
+from support.log_samples import MS, START, Sample, chunks_of, describe, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError, UsageError
-from hoap3.protocol.runtime.shm_ring import Record
-from hoap3.tools.logs.file_lock import is_locked, lock_shared
+from hoap3.tools.logs.files import is_locked, lock_shared
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.mcap_write import McapFile
 from hoap3.tools.logs.repair import repair, repair_all
 
 
-@dataclass
-class Sample:
-    """A whole log, and where its chunks stand."""
-
-    content: bytes
-    records: list[Record]
-    chunks: list[ChunkIndex]
-
-    def readable(self, size: int) -> list[Record]:
-        """What the first bytes of the file hold."""
-        whole = [c for c in self.chunks if c.chunk_start_offset + c.chunk_length <= size]
-        newest = max((chunk.message_end_time for chunk in whole), default=0)
-        return [record for record in self.records if record.stamp <= newest]
-
-
 @pytest.fixture(scope="module")
 def sample(tmp_path_factory: pytest.TempPathFactory) -> Sample:
-    records = inputs(describe(2)) + ticks(2, 1500)
-    path = write(tmp_path_factory.mktemp("log"), records).paths[0]
-    with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    return Sample(path.read_bytes(), records, summary.chunk_indexes)
+    return Sample.of(tmp_path_factory.mktemp("log"), 1500)
 
 
 def stock_messages(path: Path) -> list[tuple[str, int, int, int, bytes]]:
@@ -109,10 +86,7 @@ def test_a_repaired_file_has_all_that_a_whole_one_has(tmp_path: Path, sample: Sa
     end = sample.chunks[-2].message_end_time
     expected = [m for m in stock_messages(whole) if m[2] <= end]
     assert stock_messages(report.out) == expected
-    with report.out.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    assert len(summary.chunk_indexes) == len(sample.chunks) - 1
+    assert len(chunks_of(report.out)) == len(sample.chunks) - 1
     with report.out.open("rb") as stream:
         assert sum(1 for _ in StreamReader(stream, validate_crcs=True).records) > len(expected)
     log = Log.open(report.out)

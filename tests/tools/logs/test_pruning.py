@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support.log_samples import describe, inputs, ticks, write
 
 from hoap3.protocol.config.settings import LogSettings
-from hoap3.tools.logs.file_lock import LockedFolder, is_locked
+from hoap3.tools.logs.files import LockedFolder, is_locked
 from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.logs.pruning import DAY_S, prune
 from hoap3.tools.services.services import run_folder
@@ -131,7 +131,7 @@ def test_between_two_files_of_a_log_its_folder_is_locked(tmp_path: Path) -> None
 def test_a_killed_writer_locks_nothing(tmp_path: Path) -> None:
     log = tmp_path / "robot.mcap"
     code = (
-        "import os, sys; from hoap3.tools.logs.file_lock import lock_shared\n"
+        "import os, sys; from hoap3.tools.logs.files import lock_shared\n"
         "fd = os.open(sys.argv[1], os.O_CREAT | os.O_WRONLY); lock_shared(fd)\n"
         "print(flush=True); sys.stdin.read()"
     )

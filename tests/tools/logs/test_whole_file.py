@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from hoap3.tools.logs.atomic_write import whole_file
+from hoap3.tools.logs.files import whole_file
 
 
 def test_it_replaces_what_was_there_at_the_end(tmp_path):

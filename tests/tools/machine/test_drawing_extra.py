@@ -14,7 +14,6 @@ COMMANDS = {
     "report": ("report", "LOG"),
     "compare": ("compare", "qp12", "pinv", "--out", "FOLDER"),
     "reproduce": ("reproduce", "qp12", "--out", "FOLDER"),
-    "bench": ("bench", "scaling", "--plot", "FOLDER.png"),
 }
 
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 CHURN = """
-from hoap3.tools.machine.large_blocks import give_back_large_blocks
+from hoap3.tools.machine.processes import give_back_large_blocks
 
 def resident():
     with open("/proc/self/status") as status:

@@ -17,13 +17,6 @@ from support.fake_rights import FakeCpu
 from hoap3.tools.machine import cpu_idle
 from hoap3.tools.machine.stalls import StallMonitor
 
-KEEPER = """
-import sys
-from hoap3.tools.machine.cpu_idle_apart import kept_awake_apart
-with kept_awake_apart([0]):
-    print(flush=True)
-    sys.stdin.read()
-"""
 HOLDER = """
 import sys
 from hoap3.tools.machine.stalls import StallMonitor
@@ -55,9 +48,9 @@ def _sigterm_ignored() -> Iterator[None]:
 
 def running(cpu: FakeCpu) -> StallMonitor:
     """A monitor that has begun."""
-    monitor = StallMonitor([0], keep_awake=True)
-    while not monitor.logs[0].runs:
-        assert monitor.refused() == monitor.killed() == []
+    monitor = StallMonitor([0], keep_awake=True).__enter__()
+    assert monitor.refused() == monitor.killed() == []
+    assert monitor.logs[0].runs
     assert cpu.setting == cpu_idle.NO_LATENCY
     return monitor
 
@@ -140,28 +133,4 @@ def test_what_both_left_that_were_killed_together_the_next_one_mends(cpu: FakeCp
     os.close(handle)
     assert cpu.setting == cpu_idle.NO_LATENCY
     StallMonitor([], keep_awake=True).stop()
-    cpu.assert_nothing_left()
-
-
-@pytest.mark.parametrize("dies", [False, True])
-def test_who_keeps_a_cpu_awake_apart_may_be_killed(cpu: FakeCpu, dies: bool) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-c", KEEPER],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=HOUSE,
-    )
-    assert process.stdout is not None
-    process.stdout.readline()
-    assert cpu.setting == cpu_idle.NO_LATENCY
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    handles = [os.pidfd_open(int(child)) for child in children]
-    assert handles
-    if dies:
-        process.kill()
-    process.communicate()
-    for handle in handles:
-        assert select.select([handle], [], [], 60.0)[0]
-        os.close(handle)
     cpu.assert_nothing_left()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hoap3.tools.machine.software import differences, in_words, software
+from hoap3.tools.machine.machine import differences, in_words, software
 
 
 def test_the_same_software_differs_in_nothing():

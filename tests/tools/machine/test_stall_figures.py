@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.tools.machine.stall_figures import PERIOD_NS, ended_in_step, figures
-from hoap3.tools.machine.stalls import Stall
+from hoap3.tools.machine.stalls import PERIOD_NS, Stall, ended_in_step, figures
 
 MS = 1_000_000
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import io
-import json
 import os
 import signal
-import sys
 from pathlib import Path
 
 from hypothesis import given
@@ -87,7 +84,7 @@ def test_without_rights_there_is_no_monitor(monkeypatch):
 
     log = StallLog()
     order = {"fd": log.fd, "cpu": 0, "awake": True}
-    monkeypatch.setattr(sys, "stdin", io.StringIO(json.dumps(order)))
+    monkeypatch.setattr("hoap3.tools.machine.stalls.read_order", lambda: order)
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     monkeypatch.setattr(os, "sched_setaffinity", lambda *_: None)
     monkeypatch.setattr(os, "sched_setscheduler", refuse)

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.table import Table
 
-from hoap3.tools.machine.processes import to_people
-from hoap3.tools.machine.terminal import one_line, printable
-from hoap3.tools.show.output import PrintableConsole, print_line, print_note
+from hoap3.tools.analysis.output import PrintableConsole, print_line, print_note
+from hoap3.tools.machine.processes import one_line, printable, to_people
 
 ESCAPES = "\x1b]0;title\x07 \x1b[2J \x9b31m \r \x08 \x00 \u202e \u2028 \udc80"
 

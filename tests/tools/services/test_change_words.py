@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hoap3.protocol.errors import UsageError
-from hoap3.tools.cli.change import change
+from hoap3.tools.cli.requests import change
 
 
 @pytest.mark.parametrize("word", ["gama", "0.8", '"gamma"', "", "=0.8"])

@@ -12,14 +12,16 @@ from pydantic_core import to_jsonable_python
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import ConfigError, UnknownNameError
-from hoap3.tools.services.config_keys import FAMILIES, REQUIRED, SIDES, config_keys, keys_of
+from hoap3.tools.services.settings import REGISTRIES, REQUIRED, SIDES, config_keys, keys_of
 
-NAMED = [(kind, name) for kind, family in FAMILIES.items() for name in sorted(family.registered())]
+NAMED = [
+    (kind, name) for kind, family in REGISTRIES.items() for name in sorted(family.registered())
+]
 TOPICS = [*((side, None) for side in SIDES), *NAMED]
 
 
 def model_of(kind: str, name: str | None) -> type[Settings]:
-    return SIDES[kind] if name is None else FAMILIES[kind].find(name, "test", kind).Parameters
+    return SIDES[kind] if name is None else REGISTRIES[kind].find(name, "test", kind).Parameters
 
 
 @pytest.mark.parametrize(("kind", "name"), TOPICS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import threading
 import time
@@ -83,21 +82,6 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Network:
 def robot(network: Network) -> Iterator[Connection]:
     with hoap3.connect(ROBOT) as connected:
         yield connected
-
-
-def test_events_come_to_asyncio_and_the_loop_goes_on(network: Network) -> None:
-    event = Event()
-    event.kind, event.tick = Event.schema.constants["RECOVERED"], 5
-    payload = event.dump()
-    network.samples = [SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))]
-
-    async def story() -> list[Any]:
-        async with hoap3.connect_async(ROBOT) as robot:
-            return [each async for each in robot.events(timeout_s=0.01)]
-
-    (found,) = asyncio.run(story())
-    assert (found["event"], found["tick"]) == ("RECOVERED", 5)
-    assert threading.get_ident() not in network.looked
 
 
 def test_what_came_while_the_process_was_stopped_is_not_missed(

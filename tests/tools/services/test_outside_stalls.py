@@ -7,9 +7,8 @@ from support.log_samples import describe
 
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.machine.stalls import GRID_NS, StallLog
+from hoap3.tools.machine.stalls import FOREVER, GRID_NS, PATIENCE_NS, OutsideStalls, StallLog
 from hoap3.tools.services.run_statistics import RunStatistics
-from hoap3.tools.services.stall_attribution import FOREVER, PATIENCE_NS, OutsideStalls
 
 T = 1_000_000
 START = 50 * T

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.tools.services.services import controller_config, emulator_config
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 
 SIDES = pytest.mark.parametrize(
-    ("read", "name"), [(emulator_config, "hoap3"), (controller_config, "qp12")]
+    ("read", "name"), [(load_emulator_config, "hoap3"), (load_controller_config, "qp12")]
 )
 
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from hoap3.tools.soak.process_tree import descendants, holdings, name_of
+from hoap3.tools.soak.watch import descendants, holdings, name_of
 
 CHILD = """if True:
     import subprocess, sys, threading
@@ -42,9 +42,9 @@ def test_what_a_process_holds_and_who_is_below_it():
         child.stdin.flush()
         assert child.stdout.readline() == "grown\n"
         after = holdings(child.pid)
-        assert after.descriptors == before.descriptors + 5
-        assert after.threads == before.threads + 1
-        assert after.rss_bytes - before.rss_bytes > 15_000_000
+        assert after["descriptors"] == before["descriptors"] + 5
+        assert after["threads"] == before["threads"] + 1
+        assert after["rss_bytes"] - before["rss_bytes"] > 15_000_000
         child.communicate("\n")
     assert child.returncode == 0
     assert holdings(child.pid) is None

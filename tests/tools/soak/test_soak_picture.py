@@ -8,11 +8,9 @@ from typing import Any
 import pytest
 
 from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.soak.draw import draw
 from hoap3.tools.soak.judge import judge
-from hoap3.tools.soak.rounds import Rounds
-from hoap3.tools.soak.show import show_soak
-from hoap3.tools.soak.watch import HELD, Plan, Watch
+from hoap3.tools.soak.soak import draw, show_soak
+from hoap3.tools.soak.watch import HELD, Plan, Rounds, Watch
 
 
 def result(watch: Watch) -> dict[str, Any]:

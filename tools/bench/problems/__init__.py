@@ -1,1 +1,0 @@
-"""Problems for benchmarks: streams along motions of shipped robots."""

@@ -1,1 +1,0 @@
-"""A small certificate authority for a laboratory."""

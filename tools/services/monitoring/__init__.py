@@ -1,1 +1,0 @@
-"""What an observer tells those who look after services: systemd, Prometheus, log collectors."""

@@ -1,1 +1,0 @@
-"""systemd units for the two services: their text, and where it is written."""
