@@ -35,7 +35,7 @@ from hoap3.protocol.errors import (
 )
 
 if TYPE_CHECKING:
-    from hoap3.protocol.description import RobotDescription
+    from hoap3.protocol.robot.description import RobotDescription
     from hoap3.protocol.config.settings import Settings
     from hoap3.remote_controller import bounds, solvers
     from hoap3.remote_controller.constraints.constraint import Constraint
@@ -45,10 +45,10 @@ if TYPE_CHECKING:
     from hoap3.remote_controller.tasks.task import Task
     from hoap3.robot_emulator.robots import load as load_robot
     from hoap3.tools.environment.environment import Environment
-    from hoap3.tools.services.connection import Connection, connect, connect_async
+    from hoap3.tools.services.connection import Connection, connect
     from hoap3.tools.simulate import simulate
 
-__all__ = [
+__all__ = [  # not Environment, which needs an extra: `from hoap3 import *` works without it
     "AuthorityError",
     "BadProblemError",
     "ConfigError",
@@ -56,7 +56,6 @@ __all__ = [
     "Constraint",
     "Controller",
     "DescriptionError",
-    "Environment",
     "ErrorTask",
     "FrameNotFoundError",
     "Hoap3Error",
@@ -79,7 +78,6 @@ __all__ = [
     "__version__",
     "bounds",
     "connect",
-    "connect_async",
     "load_robot",
     "simulate",
     "solvers",
@@ -92,13 +90,12 @@ _LAZY = {
     "Environment": "hoap3.tools.environment.environment:Environment",
     "ErrorTask": "hoap3.remote_controller.tasks.error_task:ErrorTask",
     "LyapunovFunction": "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
-    "RobotDescription": "hoap3.protocol.description:RobotDescription",
+    "RobotDescription": "hoap3.protocol.robot.description:RobotDescription",
     "Settings": "hoap3.protocol.config.settings:Settings",
     "Task": "hoap3.remote_controller.tasks.task:Task",
     "VelocityController": "hoap3.remote_controller.controllers.base:VelocityController",
     "bounds": "hoap3.remote_controller.bounds",
     "connect": "hoap3.tools.services.connection:connect",
-    "connect_async": "hoap3.tools.services.connection:connect_async",
     "load_robot": "hoap3.robot_emulator.robots:load",
     "simulate": "hoap3.tools.simulate:simulate",
     "solvers": "hoap3.remote_controller.solvers",
@@ -122,4 +119,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return [*__all__, "Environment"]

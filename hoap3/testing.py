@@ -8,7 +8,7 @@ over:
     class TestPosture(ControllerProperties):
         cases = ("posture.yaml", "qp12")
 
-They need `pip install 'hoap3[testing]'`, which is pytest.
+They need `pip install 'hoap3[testing]'`: pytest, and Gymnasium, which steps robots.
 """
 
 from hoap3.tools.testing.body import Body, moved, state_of

@@ -17,20 +17,19 @@ import numpy as np
 
 from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
 from hoap3.protocol.config.user_code import user_code
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError
-from hoap3.protocol.messages import STAMP_FIELDS, WIRE_VERSION, Setpoint, State
+from hoap3.protocol.messages import STAMP_FIELDS, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.recorder import NoRecorder, Recorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.protocol.wire_versions import EARLIER
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.registry import registered
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.motion_files import reopened
-from hoap3.tools.machine.software import differences, in_words
+from hoap3.tools.machine.machine import differences, in_words
 from hoap3.tools.verify.both_sides import enclosed_alike
 
 SAID_SETPOINTS = 500  # after so many the progress is told
@@ -103,7 +102,7 @@ class ReplayReport:
 
 
 def replay(
-    path: Path,
+    path: Path | Log,
     overrides: list[str],
     *,
     tolerance: float = 0.0,
@@ -115,7 +114,7 @@ def replay(
     """Repeat a log.
 
     Args:
-        path: log of a controller, or the folder of a run.
+        path: log of a controller, also an open one, or the folder of a run.
         overrides: changes of the logged settings, as `--set` takes them.
         tolerance: largest difference of a value that counts as equal.
         allow_code: import what the log names by a dotted path: a controller, a task, a constraint.
@@ -127,16 +126,16 @@ def replay(
         LogError: not a controller's log, or one that names code.
         UsageError: the logged settings do not fit this version.
     """
-    log = Log.open(path, side="controller")
+    log = path if isinstance(path, Log) else Log.open(path, side="controller")
     others = differences(log.metadata.get("versions", {}))
     try:
-        report = _replay(log, path, overrides, tolerance, allow_code, say, repeated)
+        report = _replay(log, overrides, tolerance, allow_code, say, repeated)
     except Hoap3Error:
         if others:
             note(in_words(others))
         raise
     report.missing, report.software = log.missing, others
-    if path.is_dir():
+    if isinstance(path, Path) and path.is_dir():
         logs = [log, *([Log.open(path, "robot")] if any(path.glob("robot*.mcap")) else [])]
         alike = enclosed_alike(logs)
         report.contradictions = [name for name, same in alike.items() if same is False]
@@ -145,13 +144,13 @@ def replay(
 
 def _replay(
     log: Log,
-    path: Path,
     overrides: list[str],
     tolerance: float,
     allow_code: bool,
     say: Callable[[str], None],
     repeated: Recorder | None,
 ) -> ReplayReport:
+    path = log.paths[0].parent if len(log.paths) > 1 else log.paths[0]
     file = f"config in {path}"
     content = apply_overrides(reopened(parse_yaml(log.config, file), log.attachments), overrides)
     config = parse(ControllerConfig, content, file)
@@ -162,9 +161,8 @@ def _replay(
         )
     try:
         with user_code(allowed=allow_code):
-            old = log.wire_version < WIRE_VERSION
-            given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say, "old": old}
-            given["repeated"] = repeated
+            given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say}
+            given |= {"repeated": repeated, "expected": log.count(Kind.SETPOINT)}
             return replay_records(log.records(), config, **given)
     except NEVER_OURS as error:
         raise LogError(
@@ -180,15 +178,15 @@ def replay_records(
     tolerance: float = 0.0,
     file: str = "config",
     say: Callable[[str], None] = lambda _: None,
-    old: bool = False,
     repeated: Recorder | None = None,
+    expected: int = 0,
 ) -> ReplayReport:
     """Repeat the records of a controller's log; see `replay`.
 
     Args:
         records, config, tolerance, file, say: see there.
-        old: whether its setpoints lack what version 1 of the wire did not have.
         repeated: takes what the controller records again, each summary included.
+        expected: number of setpoints in the records, for progress; 0 if unknown.
     """
     report = ReplayReport(tolerance=tolerance)
     engaged = _Engagements(config, file, repeated)
@@ -205,7 +203,7 @@ def replay_records(
             session = json.loads(record.payload)
             loop = engaged.begin(description, session)
             lockstep, command = bool(session["lockstep"]), engaged.controller.command
-            comparison = _Comparison(command, lockstep, tolerance, old=old)
+            comparison = _Comparison(command, lockstep, tolerance)
         elif record.kind == Kind.STATE and loop is not None:
             (tick,) = State.scalars(record.payload, "tick")
             answer = loop.answer(record.stamp, record.payload)
@@ -218,7 +216,8 @@ def replay_records(
         elif record.kind == Kind.SETPOINT and comparison is not None:
             report.setpoints, awaited = report.setpoints + 1, False
             if report.setpoints % SAID_SETPOINTS == 0:
-                say(f"{report.setpoints} setpoints")
+                of = f", {100 * report.setpoints // expected} %" if expected else ""
+                say(f"{report.setpoints} setpoints{of}")
             differs = comparison.difference(record.payload, answer)
             if differs is None:
                 report.same += 1
@@ -282,16 +281,11 @@ class _Engagements:
 
 
 class _Comparison:
-    """Compares setpoints; stamps count in lockstep only, where they are virtual.
+    """Compares setpoints; stamps count in lockstep only, where they are virtual."""
 
-    Of an `old` log what version 1 of the wire does not have is not compared.
-    """
-
-    def __init__(self, like: Setpoint, lockstep: bool, tolerance: float, *, old: bool) -> None:
-        schema = EARLIER[Setpoint] if old else Setpoint.schema
-        self._arrays = schema.arrays
+    def __init__(self, like: Setpoint, lockstep: bool, tolerance: float) -> None:
         self._logged, self._again = Setpoint.like(like.dump()), Setpoint.like(like.dump())
-        self._lockstep, self._tolerance = lockstep, tolerance
+        self._tolerance = tolerance
         ignored = frozenset() if lockstep else STAMP_FIELDS
         self._scalars = [name for name in Setpoint.schema.scalars if name not in ignored]
 
@@ -309,7 +303,7 @@ class _Comparison:
             before, after = getattr(self._logged, name), getattr(self._again, name)
             if before != after and not self._close(before, after):
                 return f"{name} {before!r} became {after!r}"
-        for name in self._arrays:
+        for name in Setpoint.schema.arrays:
             before, after = getattr(self._logged, name), getattr(self._again, name)
             if before.size != after.size:
                 return f"{name} has {before.size} numbers, and {after.size} again"

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command_bench import inside
+from support.command_bench import assert_ran, inside
 from support.logs.rewritten_log import WAYS, rewritten
 
+from hoap3.tools.analysis.report.content import read_content
 from hoap3.tools.latency.latency import analyse_log
 from hoap3.tools.replay import replay
-from hoap3.tools.report.content import read_content
 from hoap3.tools.verify.verify import verify
 
 FAST = {"lz4", "shuffled"}
@@ -21,19 +21,17 @@ SIDES = ("robot", "controller")
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run") / "log"
-    words = ("run", "--lockstep", "--robot", "ur5", "--duration", "0.2", "--out", folder)
-    assert inside(*words).code in {0, 1}
+    assert_ran(inside("run", "--lockstep", "--robot", "ur5", "--duration", "0.2", "--out", folder))
     return folder
 
 
 def said(folder: Path) -> dict[str, Any]:
     """All that is said of a run, but where it lies."""
-    report, latency = read_content(folder).as_json(), analyse_log(folder)
     found = {
         "replay": replay(folder, []).as_json(),
         "verify": verify(folder).as_json(),
-        "report": report,
-        "latency": latency,
+        "report": read_content(folder).as_json(),
+        "latency": analyse_log(folder),
     }
     for each in found.values():
         each.pop("log", None)

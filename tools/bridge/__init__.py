@@ -1,1 +1,1 @@
-"""A running robot in other people's viewers: Foxglove, PlotJuggler, and ROS 2 over Zenoh."""
+"""Bridges from a running robot to Foxglove, PlotJuggler, and ROS 2 over Zenoh."""

@@ -1,7 +1,7 @@
-"""A server for Foxglove: a robot's messages as they are logged, and the robot to be drawn.
+"""A server for Foxglove: a robot's messages as they are logged, its description and its frames.
 
-The messages go out under the topics, types and bytes of a log, so that one layout serves both. A
-client that takes too little loses the oldest that wait for it; nobody waits for it.
+Topics, types and bytes are those of a log, so that one layout serves both. A slow client loses the
+oldest messages in its queue; the server never waits for a client.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, PortInUseError
 from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.bridge.frame_transforms import SCHEMA, SCHEMA_NAME, FrameTransforms
-from hoap3.tools.bridge.joint_states import joint_states
 from hoap3.tools.bridge.panel_targets import PanelTargets
+from hoap3.tools.bridge.robot_feed import joint_states
 from hoap3.tools.logs.log_format import JOINT_STATE, STRING, pack_string, topic_name
 
 HOST, PORT = "127.0.0.1", 8765
 DESCRIPTION_TOPIC, FRAMES_TOPIC = "/robot_description", "/tf"
-BACKLOG = 256  # messages that wait for one client; some 60 come in a second on each topic
+BACKLOG = 256  # queued messages for one client; about 60 are sent per second on each topic
 _LIVE = {
     "state": (State.schema.ros_name, State.schema.text),
     "setpoint": (Setpoint.schema.ros_name, Setpoint.schema.text),
@@ -33,7 +33,7 @@ _LIVE = {
 
 
 def check_foxglove() -> None:
-    """Refuse to begin without the library.
+    """Check that foxglove-sdk is installed.
 
     Raises:
         NotInstalledError: foxglove-sdk is not installed.
@@ -47,8 +47,8 @@ class FoxgloveServer:
 
     Args:
         host, port: where it listens; port 0: a free one.
-        steer: whether what panels publish becomes a target; else nobody may publish anything.
-        report: is told what comes of that, as those are who look.
+        steer: whether messages that panels publish become targets; else clients cannot publish.
+        report: receives the results of that, which clients see as status messages.
 
     Attributes:
         port: where it listens.
@@ -56,7 +56,7 @@ class FoxgloveServer:
     Raises:
         NotInstalledError: foxglove-sdk is not installed.
         ConfigError: no such address.
-        PortInUseError: somebody listens there.
+        PortInUseError: the port is in use.
     """
 
     def __init__(
@@ -108,18 +108,18 @@ class FoxgloveServer:
             self._targets = PanelTargets(self._tell)
 
     def close(self) -> None:
-        """Steer no longer, and send everybody away."""
+        """Release the operator role and disconnect all clients."""
         if self._targets is not None:
             self._targets.close()
         self._server.stop()
 
     def _tell(self, words: str) -> None:
-        """Say something to whoever looks."""
+        """Report a message, and send it to all clients as a status."""
         self._report(words)
         self._server.publish_status(words, self._foxglove.StatusLevel.Warning)
 
     def begin(self, description: RobotDescription, endpoint: str) -> None:
-        """Have topics for this robot; what was shown before is forgotten."""
+        """Create the topics of this robot in place of those of the last one."""
         if self._targets is not None:
             self._targets.begin(description, endpoint)
         for channel in self._channels.values():
@@ -134,7 +134,7 @@ class FoxgloveServer:
         self._text = pack_string(description.urdf)
 
     def state(self, payload: bytes, state: State) -> None:
-        """Show a State, and where the joints and links are."""
+        """Publish a State, the joint states and the frames of the links."""
         now = time.time_ns()
         self._log("state", payload, now)
         joints = self._joints.pack(payload, now)
@@ -144,47 +144,47 @@ class FoxgloveServer:
             self._log("frames", self._frames.pack(state.q, state.base, now), now)
 
     def setpoint(self, payload: bytes) -> None:
-        """Show a Setpoint."""
+        """Publish a Setpoint."""
         self._log("setpoint", payload, time.time_ns())
 
     def event(self, payload: bytes) -> None:
-        """Show an Event."""
+        """Publish an Event."""
         self._log("events", payload, time.time_ns())
 
     def idle(self) -> None:
-        """Give the robot's description to whoever has asked for it since."""
+        """Publish the robot's description where a client has subscribed to it since."""
         if self._describe.is_set() and self._channels:
             self._describe.clear()
             self._log("description", self._text, time.time_ns())
 
     def end(self) -> None:
-        """Say that the robot is gone; what it was stays on the screen."""
+        """Tell clients that the robot is gone; its last messages stay on the screen."""
         self._server.publish_status(
             "the robot is gone, or starts again", self._foxglove.StatusLevel.Warning
         )
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Foxglove's library, in a thread of its own: somebody wants to see a topic."""
+        """Callback of Foxglove, in its own thread: a client subscribes to a topic."""
         del client
         if channel.topic == DESCRIPTION_TOPIC:
             self._describe.set()
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Likewise: no longer."""
+        """Callback of Foxglove: a client unsubscribes."""
 
     def on_client_advertise(self, client: Any, channel: Any) -> None:
-        """Likewise: a client will publish."""
+        """Callback of Foxglove: a client announces a channel of its own."""
         what = channel.topic, channel.schema_name, channel.encoding
         self._published[client.id, channel.id] = what
 
     def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
-        """Likewise: no longer, or it is gone; the last one takes the operator's place with it."""
+        """Callback of Foxglove: a client closes a channel; with the last one steering ends."""
         self._published.pop((client.id, client_channel_id), None)
         if self._targets is not None and not self._published:
             self._targets.release()
 
     def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
-        """Likewise: what a client has published."""
+        """Callback of Foxglove: a client has published a message."""
         what = self._published.get((client.id, client_channel_id))
         if self._targets is not None and what is not None:
             self._targets.take((*what, data))

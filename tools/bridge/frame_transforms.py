@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import struct
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import CDR_HEADER, FloatArray
-from hoap3.tools.bridge.link_frames import LinkFrames
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.logs.log_format import LATEST_STAMP
+from hoap3.tools.picture.poses import Poses
 
 _RULE = "=" * 80
 SCHEMA_NAME = "foxglove_msgs/msg/FrameTransforms"
@@ -42,18 +42,35 @@ float64 w
 _STAMP, _POSE = struct.Struct("<iI"), struct.Struct("<7d")
 
 
+def world_frame(description: RobotDescription) -> str:
+    """Return the name of the top frame, where a fixed base frame lies; no link has that name."""
+    name = "world"
+    while name in description.frames:
+        name += "_"
+    return name
+
+
 class FrameTransforms:
-    """Packs where the links are. The names are laid out once; a message is stamps and numbers.
+    """Packs the pose of each link in the frame of its parent link.
+
+    The names are laid out once; a message is stamps and numbers.
 
     Args:
         description: of the robot.
+
+    Attributes:
+        parents, children: names of the frames: the world and the root link, then the links before
+            and behind each joint.
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        self._frames = LinkFrames(description)
-        body = bytearray(struct.pack("<I", len(self._frames.children)))
+        structure = description.structure
+        self._poses = Poses(description)
+        self.parents = (world_frame(description), *(joint.parent for joint in structure.joints))
+        self.children = (structure.root, *(joint.child for joint in structure.joints))
+        body = bytearray(struct.pack("<I", len(self.children)))
         self._places: list[tuple[int, int]] = []
-        for names in zip(self._frames.parents, self._frames.children, strict=True):
+        for names in zip(self.parents, self.children, strict=True):
             _align(body, 4)
             stamp = len(body)
             body += bytes(_STAMP.size)
@@ -67,15 +84,20 @@ class FrameTransforms:
         self._body = body
 
     def pack(self, q: FloatArray, base: FloatArray, stamp: int) -> bytes:
-        """The message.
+        """Return the message.
 
         Args:
-            q, base: as `LinkFrames.poses` takes them.
+            q: (n,) joint positions [rad or m].
+            base: pose of the root link in the world, its first 7 numbers, as State has it; empty
+                where the base frame is fixed.
             stamp: of every frame [ns].
         """
         time = divmod(stamp % LATEST_STAMP, 1_000_000_000)
-        poses = self._frames.poses(q, base).tolist()
-        for (at, numbers), pose in zip(self._places, poses, strict=True):
+        poses = self._poses
+        poses.update(q, base)
+        relative = map(poses.seen_from, self.children[1:], self.parents[1:])
+        each_pose = [poses.pose(self.children[0]), *relative]
+        for (at, numbers), pose in zip(self._places, each_pose, strict=True):
             _STAMP.pack_into(self._body, at, *time)
             _POSE.pack_into(self._body, numbers, *pose)
         return CDR_HEADER + bytes(self._body)

@@ -13,10 +13,10 @@ from string import Template
 from typing import Any
 from xml.sax.saxutils import escape
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.logs.atomic_write import whole_file
-from hoap3.tools.show.result_folder import make_folder, unwritable
+from hoap3.tools.analysis.result_folder import make_folder, unwritable
+from hoap3.tools.logs.files import whole_file
 
 FOXGLOVE, PLOTJUGGLER = "foxglove.json", "plotjuggler.xml"  # behind the robot's name
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")

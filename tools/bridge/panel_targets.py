@@ -1,30 +1,36 @@
-"""Live targets from panels of Foxglove: what somebody clicks is sent to the controller.
+"""Live targets from panels of Foxglove: points and poses that a user clicks.
 
-Whoever asks the controller may wait, so all of it happens in a thread of its own, and of what a
-panel publishes meanwhile the newest counts.
+Requests to the controller may block, so that a thread of its own sends them; of the messages that a
+panel publishes meanwhile only the newest is sent.
 """
 
 from __future__ import annotations
 
+import json
+import struct
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.bridge.link_frames import world_frame
-from hoap3.tools.bridge.panel_messages import Clicked, read_clicked
+from hoap3.protocol.messages import CDR_HEADER
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.tools.bridge.frame_transforms import world_frame
 from hoap3.tools.services.connection import Connection
 
+MAX_BYTES = 4096
+_PLACE, _TURN = ("x", "y", "z"), ("x", "y", "z", "w")
+_LENGTHS = {"PointStamped": 3, "PoseStamped": 7}
 Message = tuple[str, str, str, bytes]
-"""Topic, schema, encoding and content of what a panel published."""
+"""Topic, schema, encoding and content of a message that a panel published."""
 
 
 class PanelTargets:
     """Steers with what panels publish; becomes the operator with the first message.
 
     Args:
-        report: is told what is refused, and when we steer and no longer do.
+        report: receives refusals, and when steering starts and ends.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:
@@ -44,20 +50,20 @@ class PanelTargets:
             self._robot = description, endpoint
 
     def take(self, message: Message) -> None:
-        """What a panel published: it is sent as soon as may be, unless a newer one comes."""
+        """Queue a message that a panel published; a newer one of its topic replaces it."""
         with self._news:
             self._waiting[message[0]] = message
             self._news.notify()
 
     def release(self) -> None:
-        """Steer no longer: nobody is there who could."""
+        """Release the operator role: no client is left that publishes."""
         with self._news:
             self._waiting.clear()
             self._release = True
             self._news.notify()
 
     def close(self) -> None:
-        """Steer no longer, and end."""
+        """Release the operator role and end the thread."""
         with self._news:
             self._closing = True
             self._news.notify()
@@ -111,7 +117,7 @@ class PanelTargets:
 
 
 def check_frame(clicked: Clicked, description: RobotDescription) -> None:
-    """Refuse what is seen from a frame of which targets are not.
+    """Check that a point or pose is given in the frame of targets.
 
     Raises:
         UsageError: from a frame that moves.
@@ -152,3 +158,71 @@ def _fits(target: Mapping[str, Any], count: int) -> bool:
     """Whether a target is a point or a pose, and not forces or joints of the same number."""
     layout = ["x", "y", "z", "qx", "qy", "qz", "qw"][:count]
     return bool(target["layout"] == layout)
+
+
+@dataclass(frozen=True)
+class Clicked:
+    """A point or a pose, and the frame that it is seen from.
+
+    Attributes:
+        frame: "" where none is named.
+        values: x, y, z [m]; of a pose also qx, qy, qz, qw.
+    """
+
+    frame: str
+    values: tuple[float, ...]
+
+
+def read_clicked(schema: str, encoding: str, data: bytes) -> Clicked:
+    """Read a message that a client has published.
+
+    Args:
+        schema: name of its type, as ROS 1 or ROS 2 has it.
+        encoding: `json` or `cdr`.
+        data: the message.
+
+    Raises:
+        UsageError: not one of these, or not what it says.
+    """
+    leaf = schema.rpartition("/")[2]
+    if not schema.startswith("geometry_msgs/") or leaf not in _LENGTHS:
+        raise UsageError(
+            f"{schema!r:.80} is not taken as a target: publish "
+            + " or ".join(f"geometry_msgs/{name}" for name in _LENGTHS)
+        )
+    if encoding not in {"json", "cdr"} or len(data) > MAX_BYTES:
+        raise UsageError(
+            f"{leaf}: {len(data)} bytes of {encoding!r:.20}; JSON or CDR of at most {MAX_BYTES} "
+            "is taken"
+        )
+    try:
+        return _from_json(leaf, data) if encoding == "json" else _from_cdr(leaf, data)
+    except (
+        *(ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError),
+        struct.error,
+    ) as error:
+        raise UsageError(f"{leaf}: not such a message ({error!r:.100})") from error
+
+
+def _from_json(leaf: str, data: bytes) -> Clicked:
+    content = json.loads(data)
+    frame = str(content.get("header", {}).get("frame_id", ""))
+    if leaf == "PointStamped":
+        return Clicked(frame, _named(content["point"], _PLACE))
+    pose = content["pose"]
+    values = _named(pose["position"], _PLACE) + _named(pose["orientation"], _TURN)
+    return Clicked(frame, values)
+
+
+def _named(content: Mapping[str, Any], names: tuple[str, ...]) -> tuple[float, ...]:
+    return tuple(float(content[name]) for name in names)
+
+
+def _from_cdr(leaf: str, data: bytes) -> Clicked:
+    if data[:4] != CDR_HEADER:
+        raise ValueError("not plain CDR, little endian")
+    body, count = data[4:], _LENGTHS[leaf]
+    (length,) = struct.unpack_from("<I", body, 8)  # behind the stamp
+    frame = body[12 : 12 + length].rstrip(b"\0").decode()
+    at = -(-(12 + length) // 8) * 8
+    return Clicked(frame, struct.unpack_from(f"<{count}d", body, at))

@@ -1,9 +1,9 @@
-"""How rmw_zenoh_cpp, ROS 2 over Zenoh, names things, and what it attaches to messages.
+"""Keys, liveliness tokens and attachments of rmw_zenoh_cpp, ROS 2 over Zenoh.
 
 As its design says (https://github.com/ros2/rmw_zenoh/blob/rolling/docs/design.md): a topic is the
 key `<domain>/<name>/<type>/<hash of the type>`; each node and each publisher holds a liveliness
 token, from whose key others learn what there is; and behind each message come its number, the
-time at which it was sent and the publisher's GID. Only names are made here.
+time at which it was sent and the publisher's GID.
 """
 
 from __future__ import annotations
@@ -14,7 +14,17 @@ from functools import cached_property
 
 import xxhash
 
-from hoap3.tools.bridge.type_hashes import dds_name, type_hash
+TYPES = {
+    "sensor_msgs/msg/JointState": (
+        "sensor_msgs::msg::dds_::JointState_/"
+        "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
+    ),
+    "std_msgs/msg/String": (
+        "std_msgs::msg::dds_::String_/"
+        "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+    ),
+}
+"""DDS name and REP-2016 hash of each published type, as `ros2 topic info --verbose` prints them."""
 
 _SPACE = "@ros2_lv"
 _ATTACHMENT = struct.Struct("<qqB16s")
@@ -45,38 +55,23 @@ class Node:
         where = f"{_SPACE}/{self.domain}/{self.session}/0/{entity}/{kind}"
         return f"{where}/%/{mangled(self.namespace)}/{self.name}"
 
-    def publisher(self, entity: int, topic: str, kind: str, text: str, qos: Qos) -> Publisher:
+    def publisher(
+        self, entity: int, topic: str, kind: str, *, depth: int, latched: bool = False
+    ) -> Publisher:
         """A publisher of it.
 
         Args:
             entity: its number, from 1; no other of the node has it.
             topic: its name within the namespace.
-            kind: its type, as `std_msgs/msg/String`.
-            text: `ros2msg` schema of the type.
-            qos: what it offers.
+            kind: its type, one of `TYPES`.
+            depth: how many of its last messages it keeps; it is reliable.
+            latched: whether late subscribers receive these (`transient_local`).
         """
         full = f"{self.namespace}/{topic}"
-        what = f"{dds_name(kind)}/{type_hash(kind, text)}"
-        token = f"{self._head(entity, 'MP')}/{mangled(full)}/{what}/{qos.compact}"
+        what = TYPES[kind]
+        qos = f":{1 if latched else ''}:,{depth}:,:,:,,"  # what is empty has the default
+        token = f"{self._head(entity, 'MP')}/{mangled(full)}/{what}/{qos}"
         return Publisher(f"{self.domain}{full}/{what}", token)
-
-
-@dataclass(frozen=True)
-class Qos:
-    """What a reliable publisher that keeps its last messages offers.
-
-    Attributes:
-        depth: how many it keeps.
-        latched: whether who comes later is given them (`transient_local`).
-    """
-
-    depth: int
-    latched: bool = False
-
-    @property
-    def compact(self) -> str:
-        """As it stands in a token; what is empty has the default."""
-        return f":{1 if self.latched else ''}:,{self.depth}:,:,:,,"
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,8 @@
-"""What a running robot says, for a bridge: waits for the robot, and outlives it.
+"""Messages of a running robot for a bridge, which waits for the robot and outlives it.
 
-A bridge is a client that only looks on. It is sent a State, and the Setpoint that answers it, of
-each 16th tick (`protocol/link/sampling.py`), which is 62.5 Hz of a robot at 1 kHz. Nothing here
-queues: of what comes faster than 100 Hz the newest counts, but for events, of which the last 256
-are kept.
+A bridge is an observer. It receives every 16th State and the Setpoint that answers it
+(`protocol/link/zenoh_link.py`), 62.5 Hz for a robot at 1 kHz. Of States and Setpoints only the
+newest is kept, of events the last 256.
 """
 
 from __future__ import annotations
@@ -15,38 +14,46 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from hoap3.protocol.answers import parse_description
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
 from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
-from hoap3.protocol.wire_versions import OLDEST, upgraded
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.tools.logs.log_format import JointStates
 from hoap3.tools.services.client import client_settings, unanswered
 
-PERIOD_S = 0.01  # between two looks
+PERIOD_S = 0.01  # between two polls
 EVENTS = 256  # that are kept meanwhile
-SILENCE_S = 1.0  # after which it is asked whether the robot lives
+SILENCE_S = 1.0  # without a State, after which the liveliness of the robot is checked
 RETRY_S = 0.5
 
 
 class Viewer(Protocol):
-    """What a bridge does with what comes. All of it is called by one thread, and must not wait."""
+    """Receiver of a robot's messages; one thread calls all methods, which must not block."""
 
     def begin(self, description: RobotDescription, endpoint: str) -> None:
-        """A robot is there, for the first time or again, and where it was reached."""
+        """Start with a robot, for the first time or again, at the endpoint where it was reached."""
 
     def state(self, payload: bytes, state: State) -> None:
-        """A State: as it was sent, and read."""
+        """Receive a State, as bytes and decoded."""
 
     def setpoint(self, payload: bytes) -> None:
-        """A Setpoint."""
+        """Receive a Setpoint."""
 
     def event(self, payload: bytes) -> None:
-        """An Event."""
+        """Receive an Event."""
 
     def idle(self) -> None:
-        """Once in each period, whether something came or not."""
+        """Called once in each period, whether a message came or not."""
 
     def end(self) -> None:
-        """The robot is gone."""
+        """Stop: the robot is gone."""
+
+
+def joint_states(description: RobotDescription) -> JointStates:
+    """Return what packs `sensor_msgs/msg/JointState` from this robot's States, as a log has it."""
+    made = JointStates(description.joint_names)
+    lengths = dict.fromkeys(State.schema.arrays, 0) | description.state_lengths
+    made.learn(State.schema.dtype(lengths), lengths)
+    return made
 
 
 def feed(
@@ -59,9 +66,9 @@ def feed(
 
     Args:
         find: gives the robot's name, and where it listens. What it found first is kept.
-        viewer: is told everything.
-        should_stop: is asked in each period.
-        report: is told who is there, and who is not.
+        viewer: receives all messages.
+        should_stop: is called in each period.
+        report: receives notes on robots that appear and disappear.
 
     Raises:
         UsageError: the robot's name or its endpoint is wrong, or several run.
@@ -114,20 +121,17 @@ class _Robot:
         self._session = network.open_session(settings, name)
         try:
             network.check_unique(self._session, name)
-            version, raw = network.ask_versions(self._session, name, "description", who)
+            raw = network.ask(self._session, name, "description", who)
             if raw is None:
                 raise LinkError(
                     f"no robot called {name!r} answers at {endpoint}{unanswered(settings)}"
                 )
             self.description = parse_description(raw, name)
             ring = network.zenoh.handlers.RingChannel
-            if version == OLDEST:  # which sends all to everybody
-                keys = network.state_key(name, version), network.key(name, "setpoint")
-            else:
-                keys = (
-                    network.sampled_key(name, f"state/{WIRE_VERSION}"),
-                    network.sampled_key(name, "setpoint/*"),
-                )
+            keys = (
+                network.sampled_key(name, f"state/{WIRE_VERSION}"),
+                network.sampled_key(name, "setpoint/*"),
+            )
             declare = self._session.declare_subscriber
             self._states, self._setpoints = (declare(key, ring(1)) for key in keys)
             self._events = declare(network.key(name, "events"), ring(EVENTS))
@@ -179,9 +183,9 @@ class _Robot:
             time.sleep(max(0.0, began + PERIOD_S - time.monotonic()))
 
     def _newest(self, subscriber: Any, message: Any) -> bytes | None:
-        """What came, as a message of today; None where nothing did, or what is none."""
+        """Return the newest valid message, or None."""
         while (sample := subscriber.try_recv()) is not None:
-            payload = upgraded(message, bytes(sample.payload.to_bytes()))
+            payload = bytes(sample.payload.to_bytes())
             try:
                 message.schema.lengths_in(payload)
                 message.scalars(payload, "session_id")

@@ -12,17 +12,15 @@ from typing import Any
 
 from hoap3.protocol.config.endpoints import endpoint_fault
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, LinkError, PortInUseError
 from hoap3.protocol.messages import State
-from hoap3.tools.bridge.joint_states import joint_states
-from hoap3.tools.bridge.rmw_zenoh import Node, Publisher, Qos
-from hoap3.tools.logs.log_format import JOINT_STATE, STRING, JointStates, pack_string
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.tools.bridge.rmw_zenoh import Node, Publisher
+from hoap3.tools.bridge.robot_feed import joint_states
+from hoap3.tools.logs.log_format import JointStates, pack_string
 
-LISTEN = "tcp/127.0.0.1:7448"  # beside the robot, which has 7447 as a ROS 2 router has
 NODE = "hoap3_bridge"
 HEARTBEAT_S = 0.5  # between two words on what the newest description is, while it is new
-MAX_DOMAIN = 232  # as of DDS
 _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
@@ -49,16 +47,13 @@ class Ros2Publisher:
         try:
             session = str(self._session.info.zid())
             node = Node(domain, session, namespace, NODE)
-            kinds = (
-                ("joint_states", "sensor_msgs/msg/JointState", JOINT_STATE, Qos(depth=10)),
-                ("robot_description", "std_msgs/msg/String", STRING, Qos(depth=1, latched=True)),
+            states = node.publisher(1, "joint_states", "sensor_msgs/msg/JointState", depth=10)
+            text = node.publisher(
+                2, "robot_description", "std_msgs/msg/String", depth=1, latched=True
             )
-            made = [node.publisher(number, *kind) for number, kind in enumerate(kinds, 1)]
-            self._joint_states, self._description = (
-                _Topic(self._session, publisher, latched=kind[3].latched)
-                for publisher, kind in zip(made, kinds, strict=True)
-            )
-            tokens = [node.token, *(each.token for each in made)]
+            self._joint_states = _Topic(self._session, states, latched=False)
+            self._description = _Topic(self._session, text, latched=True)
+            tokens = [node.token, states.token, text.token]
             liveliness = self._session.liveliness()
             self._tokens = [liveliness.declare_token(token) for token in tokens]
         except BaseException:

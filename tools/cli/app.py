@@ -6,42 +6,52 @@ standard error. Exit codes: 0 no verdict fails, 1 findings, 2 wrong usage or set
 
 from __future__ import annotations
 
-import io
 import json
-import os
 import re
 import sys
-import warnings
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, Any
 
 import typer
 
 from hoap3.protocol.errors import (
     ConfigError,
-    Hoap3Error,
-    LimitWarning,
     LogError,
-    UrdfWarning,
     UsageError,
 )
+from hoap3.protocol.former_names import check_command_line
 from hoap3.remote_controller.pairs import DEFAULT_CONFIG
-from hoap3.tools.cli.answers import place_of, show_answers
-from hoap3.tools.cli.change import change, priorities
-from hoap3.tools.cli.compare import compare
-from hoap3.tools.cli.latency import latency
-from hoap3.tools.cli.limits import limits
-from hoap3.tools.cli.measure import bench_app, doctor
-from hoap3.tools.cli.new import new
+from hoap3.tools.analysis.output import (
+    print_json,
+    print_line,
+    print_note,
+    print_result,
+    progress,
+    watch_compilation,
+)
+from hoap3.tools.cli.help import NEEDED_MB, GroupedCommands, show_help
+from hoap3.tools.cli.logs import report, verify
+from hoap3.tools.cli.measurements import (
+    bench_app,
+    compare,
+    doctor,
+    latency,
+    limits,
+    reproduce,
+    soak,
+)
+from hoap3.tools.cli.operation import certs_app, service_app
 from hoap3.tools.cli.options import (
     ENDPOINT,
     AllowCode,
     AsJson,
     Connect,
     LockJoints,
+    LogPath,
     NoRealtime,
     RunController,
+    Running,
     RunRobot,
     Secure,
     Sets,
@@ -51,23 +61,11 @@ from hoap3.tools.cli.options import (
     reached,
     with_secure,
 )
-from hoap3.tools.cli.report import report
-from hoap3.tools.cli.reproduce import reproduce
-from hoap3.tools.cli.robot import robot_app
-from hoap3.tools.cli.secure.certs import certs_app
-from hoap3.tools.cli.services.service import service_app
-from hoap3.tools.cli.services.soak import soak
-from hoap3.tools.cli.trajectory import trajectory_app
-from hoap3.tools.cli.verify import verify
-from hoap3.tools.cli.viewers.bridge import bridge_app
-from hoap3.tools.cli.viewers.help import NEEDED_MB, GroupedCommands, show_help
-from hoap3.tools.cli.viewers.view import view
-from hoap3.tools.machine.processes import StopFlag, check_memory, die_with_parent, to_people
-from hoap3.tools.show.kernel_news import watch_compilation
-from hoap3.tools.show.output import print_json, print_line, print_note, progress
+from hoap3.tools.cli.preparation import new, robot_app, trajectory_app
+from hoap3.tools.cli.requests import change, place_of, show_answers
+from hoap3.tools.cli.viewers import bridge_app, view
+from hoap3.tools.machine.processes import StopFlag, check_memory, run_program, to_people
 
-_show_by_python = warnings.showwarning
-_notes: set[str] = set()
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
@@ -82,9 +80,7 @@ _COMMANDS = (
 )
 for command in _COMMANDS:
     app.command()(command)
-_ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command("help")(show_help)
-app.command(hidden=True, context_settings=_ANYTHING)(priorities)
 
 
 Duration = Annotated[
@@ -93,11 +89,6 @@ Duration = Annotated[
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
-]
-StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
-Named = Annotated[str | None, typer.Option("--named", hidden=True)]
-Running = Annotated[
-    str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
 ]
 
 
@@ -123,20 +114,19 @@ def run(
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
     check_memory(None if lockstep else NEEDED_MB["emulator"])
     watch_compilation()
+    from hoap3.tools.analysis.summary import LiveTable, show_next, show_summary
+    from hoap3.tools.analysis.verdicts import failed
+    from hoap3.tools.services.configs import load_pair
     from hoap3.tools.services.run import run_lockstep, run_realtime
-    from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
-    from hoap3.tools.show.summary import LiveTable, show_next, show_summary
-    from hoap3.tools.show.verdicts import failed
 
     stop = StopFlag()
-    ours, theirs = split_overrides(sets)
-    if seed is not None:
-        ours.append(f"seed={seed}")
-    law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
-    parts = {"tip": tip, "lock_joints": lock_joints}
-    ours += [f"{key}={json.dumps(each, ensure_ascii=False)}" for key, each in parts.items() if each]
-    emulator, emulator_file = emulator_config(robot or law.robot, ours, realtime=not no_realtime)
-    files = (emulator_file, law_file)
+    parts = {"seed": seed, "tip": tip or None, "lock_joints": lock_joints or None}
+    sets = sets + [
+        f"emulator.{key}={json.dumps(each, ensure_ascii=False)}"
+        for key, each in parts.items()
+        if each is not None
+    ]
+    emulator, law, files = load_pair(robot, controller, sets, realtime=not no_realtime)
     title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"
     if lockstep:
         with progress(f"{title} in lockstep") as meter:
@@ -146,7 +136,7 @@ def run(
     else:
         with LiveTable(title, verbose=verbose) as table:
             summary = run_realtime(
-                emulator, law, duration, out, table.news, files, should_stop=stop
+                emulator, law, duration, out, table.show, files, should_stop=stop
             )
     if as_json:
         print_json(summary)
@@ -172,32 +162,24 @@ def emulator(
         bool,
         typer.Option("--insecure", help="Listen beyond this machine without certificates."),
     ] = False,
-    status_fd: StatusFd = None,
-    named: Named = None,
 ) -> None:
     """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
-    from hoap3.tools.services.services import emulator_config, run_emulator
-    from hoap3.tools.show.summary import show_summary
+    from hoap3.tools.analysis.summary import show_summary
+    from hoap3.tools.services.configs import load_emulator_config
+    from hoap3.tools.services.messages import ServiceConfig
+    from hoap3.tools.services.services import run_emulator
 
     stop = StopFlag()
     sets = with_secure(sets, secure, insecure=insecure)
-    settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
-    if as_json and settings.log.tells_json:
-        problem, remedy = "is on standard output, and so is --json", "Name a file, or drop --json"
+    settings, file = load_emulator_config(config, sets, realtime=not no_realtime)
+    if as_json and settings.log.json_lines is not None:
+        problem, remedy = "is on standard output, and so is --json", "Drop one of them"
         raise ConfigError(file, "log.json_lines", settings.log.json_lines, problem, remedy)
-    code, summary = run_emulator(
-        settings,
-        file,
-        lockstep=lockstep,
-        duration=duration,
-        out=out,
-        status_fd=status_fd,
-        should_stop=stop,
-        verbose=verbose,
-    )
+    service = ServiceConfig(settings, file, out, duration, verbose=verbose)
+    code, summary = run_emulator(service, stop, lockstep=lockstep)
     if summary is not None and as_json:
         print_json(summary)
-    elif summary is not None and status_fd is None and not settings.log.tells_json:
+    elif summary is not None and settings.log.json_lines is None:
         show_summary(summary)
     raise typer.Exit(code)
 
@@ -211,19 +193,17 @@ def controller(
     verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006
     secure: Secure = None,
-    status_fd: StatusFd = None,
-    named: Named = None,
 ) -> None:
     """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
-    from hoap3.tools.services.services import controller_config, run_controller
+    from hoap3.tools.services.configs import load_controller_config
+    from hoap3.tools.services.messages import ServiceConfig
+    from hoap3.tools.services.services import run_controller
 
     stop = StopFlag()
     sets = with_secure(sets, secure)
-    given = controller_config(config, sets, realtime=not no_realtime, named=named)
-    code = run_controller(
-        *given, out=out, status_fd=status_fd, should_stop=stop, verbose=verbose, duration=duration
-    )
-    raise typer.Exit(code)
+    given = load_controller_config(config, sets, realtime=not no_realtime)
+    service = ServiceConfig(*given, out, duration, verbose=verbose)
+    raise typer.Exit(run_controller(service, stop))
 
 
 @app.command("list")
@@ -245,52 +225,32 @@ def list_all(
     if live:
         sessions, silent = live_robots(reached(connect, secure))
         found["alive"] = list(dict.fromkeys(each["robot"] for each in sessions))
-    if live and as_json:
-        print_json({**found, "sessions": sessions})
-    elif as_json:
-        print_json(found)
-    else:
-        for kind, names in found.items():
-            print_line(f"{kind}: {', '.join(names) or 'none'}")
-        for each in sessions:
-            print_line(f"  {each['robot']}: {place_of(each)}")
+    lines = [f"{kind}: {', '.join(names) or 'none'}" for kind, names in found.items()]
+    lines += [f"  {each['robot']}: {place_of(each)}" for each in sessions]
+    print_result({**found, "sessions": sessions} if live else found, lines, as_json=as_json)
     if silent:
         print_note(f"robots of the network are not listed: {silent}")
     if silent and (connect is not None or secure is not None):
         raise typer.Exit(1)
 
 
-@app.command()
-def stop(
-    robot: Running = None,
-    connect: Connect = None,
-    secure: Secure = None,
-    as_json: AsJson = False,
-) -> None:
-    """Bring a running robot to rest; it stays there until `recover`."""
-    show_answers(robot, "stop", reached(connect, secure), as_json)
+def _add_request(verb: str, help_text: str) -> None:
+    """Add a command that sends a request to a running robot."""
+
+    def request(
+        robot: Running = None,
+        connect: Connect = None,
+        secure: Secure = None,
+        as_json: AsJson = False,
+    ) -> None:
+        show_answers(robot, verb, reached(connect, secure), as_json)
+
+    app.command(verb, help=help_text)(request)
 
 
-@app.command()
-def recover(
-    robot: Running = None,
-    connect: Connect = None,
-    secure: Secure = None,
-    as_json: AsJson = False,
-) -> None:
-    """Let a stopped robot follow its controller again."""
-    show_answers(robot, "recover", reached(connect, secure), as_json)
-
-
-@app.command()
-def status(
-    robot: Running = None,
-    connect: Connect = None,
-    secure: Secure = None,
-    as_json: AsJson = False,
-) -> None:
-    """Say what a running robot does, and whom it follows."""
-    show_answers(robot, "status", reached(connect, secure), as_json)
+_add_request("stop", "Bring a running robot to rest; it stays there until `recover`.")
+_add_request("recover", "Let a stopped robot follow its controller again.")
+_add_request("status", "Say what a running robot does, and whom it follows.")
 
 
 @app.command()
@@ -310,10 +270,8 @@ def release(
     from hoap3.tools.services.find_robot import release_robot
 
     name, answer = release_robot(robot, reached(connect, secure))
-    if as_json:
-        print_json(answer)
-    else:
-        print_line(f"{name}: " + ("released" if answer["released"] else "follows nobody"))
+    words = "released" if answer["released"] else "follows nobody"
+    print_result(answer, f"{name}: {words}", as_json=as_json)
 
 
 @app.command()
@@ -329,7 +287,7 @@ def record(
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
-    """Record a running robot from outside, or mend a log that was cut off."""
+    """Record a running robot from outside, or repair a log that was cut off."""
     from hoap3.tools.services.find_robot import reach_robot
     from hoap3.tools.services.record import record_robot
 
@@ -338,17 +296,13 @@ def record(
         return
     name, endpoint = reach_robot(robot, reached(connect, secure))
     outcome = record_robot(name, endpoint, out, duration, to_people)
-    if as_json:
-        print_json(outcome)
-    else:
-        print_line(
-            f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}"
-        )
+    words = f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}"
+    print_result(outcome, words, as_json=as_json)
 
 
 @app.command()
 def replay(
-    log: Annotated[Path, typer.Argument(help="Log of a controller, or the folder of a run.")],
+    log: LogPath,
     sets: Sets = [],  # noqa: B006
     tolerance: Annotated[
         float, typer.Option(min=0.0, callback=finite, help="Largest difference of a value.")
@@ -370,16 +324,13 @@ def replay(
             say=meter.step,
             note=print_note,
         )
-    if as_json:
-        print_json(report.as_json())
-    else:
-        print_line(str(report))
+    print_result(report.as_json(), str(report), as_json=as_json)
     raise typer.Exit(0 if report.passed else 1)
 
 
 @app.command()
 def export(
-    log: Annotated[Path, typer.Argument(help="A log, or the folder of a run.")],
+    log: LogPath,
     to: Annotated[Path, typer.Option("--to", help="File to write: *.csv, *.parquet or *.npz.")],
     side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
     as_json: AsJson = False,
@@ -389,10 +340,7 @@ def export(
 
     with progress(f"export {log}") as meter:
         written = write(log, to, side, meter.step)
-    if as_json:
-        print_json(written.as_json())
-    else:
-        print_line(str(written))
+    print_result(written.as_json(), str(written), as_json=as_json)
     for file in written.replaced:
         print_note(f"{file}: written in place of an earlier file")
     if written.missing:
@@ -467,13 +415,11 @@ def config_keys(
     as_json: AsJson = False,
 ) -> None:
     """Print every key of a config, or of what one names: type, unit, default, meaning."""
-    from hoap3.tools.services.config_keys import config_keys as find
+    from hoap3.tools.services.settings import config_keys as find
 
     found = find(kind, name)
-    if as_json:
-        print_json({"keys": [key._asdict() for key in found]})
-    else:
-        print_line("\n".join(map(str, found)))
+    keys = {"keys": [key._asdict() for key in found]}
+    print_result(keys, "\n".join(map(str, found)), as_json=as_json)
 
 
 def _version(value: bool) -> None:
@@ -501,36 +447,13 @@ def _repair(path: Path, as_json: bool) -> None:
     from hoap3.tools.logs.repair import repair, repair_all
 
     reports, wrong = repair_all(path) if path.is_dir() else ([repair(path)], [])
-    if as_json and path.is_dir():
-        print_json({"logs": [report.as_json() for report in reports]})
-    elif as_json:
-        print_json(reports[0].as_json())
-    else:
-        for report in reports:
-            print_line(str(report))
+    found = [report.as_json() for report in reports]
+    content = {"logs": found} if path.is_dir() else found[0]
+    print_result(content, map(str, reports), as_json=as_json)
     if wrong:
         raise LogError("; ".join(wrong))
     if any(report.damaged or report.doubts for report in reports):
         raise typer.Exit(1)
-
-
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    """Print a warning about a robot or a config in one line, and others as Python does."""
-    if issubclass(category, UrdfWarning):
-        if str(message) not in _notes:  # a robot may be read more than once
-            _notes.add(str(message))
-            to_people(f"note: {message}")
-    elif issubclass(category, LimitWarning):
-        to_people(f"warning: {message}")
-    else:
-        _show_by_python(message, category, filename, lineno, file, line)
 
 
 @cache
@@ -561,23 +484,12 @@ def _with_xacro_arguments(words: list[str]) -> list[str]:
 
 def main() -> None:
     """Entry point of `hoap3`."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
-    warnings.showwarning = _show_warning
-    try:
-        for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
-            if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors="replace")
-        die_with_parent()
+
+    def program() -> None:
+        check_command_line(sys.argv[1:])
         command_line()(_with_xacro_arguments(sys.argv[1:]))
-    except KeyboardInterrupt:
-        sys.exit(1)
-    except Hoap3Error as error:
-        to_people(f"error: {error}")
-        sys.exit(2 if isinstance(error, UsageError) else 1)
-    except OSError as error:
-        named = f" (found {error.filename!r:.80})" if error.filename else ""
-        to_people(f"error: {error.strerror or error}{named}. Name another file or folder")
-        sys.exit(1)
+
+    run_program(program)
 
 
 if __name__ == "__main__":

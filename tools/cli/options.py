@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -34,6 +35,15 @@ def finite(value: float | None) -> float | None:
     return value
 
 
+LogPath = Annotated[
+    Path, typer.Argument(metavar="LOG", help="A log *.mcap, or the folder of a run.")
+]
+RobotConfig = Annotated[
+    str, typer.Option("--robot", help="Robot or emulator config: a name or a path.")
+]
+Running = Annotated[
+    str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
+]
 AllowCode = Annotated[
     bool, typer.Option("--allow-code", help="Import code that the config names by dotted path.")
 ]

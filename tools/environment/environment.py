@@ -10,15 +10,24 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import CommandKind, RobotDescription
-from hoap3.protocol.errors import ConfigError, UsageError, did_you_mean
-from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.errors import ConfigError, NotInstalledError, UsageError, did_you_mean
+from hoap3.protocol.link.base import LockstepLink
+from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import CommandKind, RobotDescription
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.realtime import Ticker
+from hoap3.protocol.runtime.recorder import NoRecorder
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.loop import RobotLoop
 from hoap3.robot_emulator.robots import load_configured
-from hoap3.robot_emulator.service import describe
-from hoap3.tools.environment.spaces import Box, Dict, Env
-from hoap3.tools.environment.stepwise import StepwiseRobot
-from hoap3.tools.simulate import emulator_settings
+from hoap3.robot_emulator.service import build_loop, describe
+from hoap3.tools.services.configs import load_emulator_config
+
+try:
+    from gymnasium import Env
+    from gymnasium.spaces import Box, Dict
+except ImportError as error:
+    raise NotInstalledError("package", "gymnasium", "'hoap3[gymnasium]'") from error
 
 Observation = dict[str, FloatArray]
 
@@ -46,20 +55,11 @@ class Transition:
     info: dict[str, Any]
 
 
-def _nothing(_: Transition) -> float:
-    return 0.0
-
-
-def _never(_: Transition) -> bool:
-    return False
-
-
-class Environment(Env):
-    """A robot in lockstep, step by step, with the signature of `gymnasium.Env`.
+class Environment(Env[dict[str, Any], FloatArray]):
+    """A robot in lockstep, step by step, as a `gymnasium.Env`; needs the extra `hoap3[gymnasium]`.
 
     The loop, the link, the filter and the plant are those of `hoap3 run --lockstep`; setpoints come
-    from `step` instead of a controller. No thread is started and no socket opened. Where
-    `gymnasium` is installed it is a `gymnasium.Env` and its spaces are gymnasium's.
+    from `step` instead of a controller. No thread is started and no socket opened.
 
     An observation is a dict of new float64 arrays, with units rad or m, and s:
     `q`, `dq`, `tau` as measured, `reference`, `reference_rate`, `reference_acceleration` of the
@@ -93,12 +93,15 @@ class Environment(Env):
         UsageError: something in the settings is wrong.
     """
 
+    observation_space: Dict
+    action_space: Box[np.float64]
+
     def __init__(
         self,
         robot: str | Path | Mapping[str, Any] | EmulatorConfig = "hoap3",
-        reward: Callable[[Transition], float] = _nothing,
-        terminated: Callable[[Transition], bool] = _never,
-        truncated: Callable[[Transition], bool] = _never,
+        reward: Callable[[Transition], float] = lambda _: 0.0,
+        terminated: Callable[[Transition], bool] = lambda _: False,
+        truncated: Callable[[Transition], bool] = lambda _: False,
         *,
         command: CommandKind | None = None,
         periods_per_step: int = 1,
@@ -108,7 +111,7 @@ class Environment(Env):
             raise ConfigError("Environment", key, periods_per_step, "is no such number", remedy)
         if isinstance(robot, Mapping):
             robot = parse(EmulatorConfig, dict(robot), "Environment(robot)")
-        self._config = emulator_settings(robot, 0)
+        self._config = load_emulator_config(robot, seed=0)[0]
         if command is not None:
             self._config = self._config.model_copy(update={"command": command})
         tip, lock = self._config.tip, self._config.lock_joints
@@ -119,7 +122,7 @@ class Environment(Env):
         self._reward, self._terminated, self._truncated = reward, terminated, truncated
         self._periods = periods_per_step
         self.step_s = periods_per_step * self.description.period_s
-        self._stepwise: StepwiseRobot | None = None
+        self._stepwise: _Stepwise | None = None
         self._observation: Observation = {}
         self._over = True
         lengths = self.description.state_lengths
@@ -163,7 +166,7 @@ class Environment(Env):
         config, robot = self._begun(options or {})
         config = config.model_copy(update={"seed": drawn})
         description = describe(config, "Environment.reset", robot)
-        self._stepwise = StepwiseRobot(config, description)
+        self._stepwise = _Stepwise(config, description)
         self._over = False
         self._observation = self._observed(self._stepwise.state)
         return dict(self._observation), self._info(self._stepwise, 0, 0, -1)
@@ -186,7 +189,7 @@ class Environment(Env):
         if stepwise is None or self._over:
             why = "there is none" if stepwise is None else "the last one is over"
             raise UsageError(f"Environment.step needs an episode, and {why}. Call reset first")
-        values, before = self._checked(action), self._observation
+        values, before = self._vector("Environment.step", "action", action), self._observation
         guard, held_back = stepwise.robot.setpoint_filter, -1
         interventions, limited = guard.interventions, self._torque_limited(stepwise)
         for _ in range(self._periods):
@@ -230,10 +233,6 @@ class Environment(Env):
             robot = robot.model_copy(update={"postures": postures})
         return config, robot
 
-    def _checked(self, action: FloatArray) -> FloatArray:
-        """An action as a new float64 array."""
-        return self._vector("Environment.step", "action", action)
-
     def _vector(self, where: str, key: str, given: Any) -> FloatArray:
         """A finite number for each joint, as a new array.
 
@@ -266,7 +265,7 @@ class Environment(Env):
         return {name: getattr(state, name).copy() for name in self._names}
 
     def _info(
-        self, stepwise: StepwiseRobot, interventions: int, limited: int, held_back: int
+        self, stepwise: _Stepwise, interventions: int, limited: int, held_back: int
     ) -> dict[str, Any]:
         state, names = stepwise.state, self.description.joint_names
         return {
@@ -282,6 +281,61 @@ class Environment(Env):
         }
 
     @staticmethod
-    def _torque_limited(stepwise: StepwiseRobot) -> int:
+    def _torque_limited(stepwise: _Stepwise) -> int:
         robot = stepwise.robot
         return robot.setpoint_filter.torque_limited + robot.plant.saturated
+
+
+class _Stepwise:
+    """The loop, link and clock of `hoap3 run --lockstep`, with setpoints from outside.
+
+    The robot follows from its first tick on, which has begun when this returns.
+
+    Args:
+        config, description: of the robot; the command kind is the description's first.
+
+    Attributes:
+        robot: its loop.
+        state: its newest State.
+    """
+
+    def __init__(self, config: EmulatorConfig, description: RobotDescription) -> None:
+        clock = VirtualClock()
+        compute_time = round(config.lockstep.compute_time_us * 1e3)
+        self._link = LockstepLink(self._hear, clock, compute_time)
+        self.robot: RobotLoop = build_loop(
+            config, description, clock, self._link, NoRecorder(), lockstep=True
+        )
+        self.state = State.allocate(**description.state_lengths)
+        self._setpoint = Setpoint(description.n)
+        self._setpoint.session_id = config.seed
+        self._setpoint.command = COMMANDS[description.command_kinds[0]]
+        self._ticker = Ticker(clock, self.robot.period, 0)
+        self._link.ask("acquire", "environment")
+        self._tick()
+
+    @property
+    def active(self) -> bool:
+        """Whether the robot follows; not once misses have stopped it."""
+        return self.state.mode == State.ACTIVE
+
+    def follow(self, values: FloatArray) -> None:
+        """Answer the newest State with a setpoint, (n,), and let the next tick come.
+
+        A robot that does not follow is not answered.
+        """
+        state, setpoint = self.state, self._setpoint
+        if self.active:
+            setpoint.tick, setpoint.epoch = state.tick, state.epoch
+            setpoint.stamp_state = state.stamp_published
+            setpoint.values[:] = values
+            self._link.send(setpoint.dump())
+        self._tick()
+
+    def _tick(self) -> None:
+        self._ticker.wait()
+        self.robot.step(self._ticker)
+
+    def _hear(self, state: bytes) -> None:
+        """Take a State; the answer comes later, at the same virtual time."""
+        self.state.load(state)

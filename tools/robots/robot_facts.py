@@ -13,18 +13,18 @@ from xml.etree import ElementTree as ET
 from rich.markup import escape
 from rich.table import Table
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
-from hoap3.protocol.urdf import MOVABLE
+from hoap3.protocol.robot.urdf import MOVABLE
 from hoap3.robot_emulator.robots import find_file, load
+from hoap3.robot_emulator.robots.urdf_import.folder import wrong_meshes
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
-from hoap3.robot_emulator.robots.urdf_import.kept_meshes import wrong_meshes
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 from hoap3.robot_emulator.robots.urdf_import.sanitize import BRAKING, SOFT, count_the_rest
 from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.robots.yaml_file import RobotFile, read_files
-from hoap3.tools.show.output import print_line, results
+from hoap3.tools.analysis.output import print_line, results
 
 
 @dataclass(frozen=True)
@@ -103,11 +103,11 @@ def as_json(facts: Facts) -> dict[str, Any]:
         "followers": [
             {
                 "name": each.name,
-                "follows": each.master,
-                "ratio": each.ratio,
+                "follows": each.mimicked,
+                "ratio": each.multiplier,
                 "offset": each.offset,
             }
-            for each in structure.followers.values()
+            for each in structure.mimic_joints.values()
         ],
         "fixed_joints": sum(joint.kind not in MOVABLE for joint in structure.joints),
         "links": len(structure.links),
@@ -138,7 +138,7 @@ def show(found: dict[str, Any]) -> None:
     """Print it for people."""
     n, mass, task = len(found["joints"]), found["mass_kg"], found["default_task"]
     print_line(
-        f"{found['name']}: {n} joints, {len(found['followers'])} followers, "
+        f"{found['name']}: {n} joints, {len(found['followers'])} mimic joints, "
         f"{found['fixed_joints']} fixed; {found['links']} links, root {found['base_frame']!r}; "
         f"{mass['all']:.4g} kg, of which {mass['moving']:.4g} kg move"
     )

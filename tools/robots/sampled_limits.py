@@ -8,11 +8,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from hoap3.protocol.limits.torque_bounds import Velocities, torque_acceleration_bounds
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
-from hoap3.protocol.robot.torque_bounds import Velocities, torque_acceleration_bounds
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.services.services import emulator_config
-from hoap3.tools.show.output import results
+from hoap3.tools.analysis.output import results
+from hoap3.tools.services.configs import load_emulator_config
 
 
 def sample(
@@ -29,7 +29,7 @@ def sample(
         UsageError: no such robot.
         BadProblemError: limits that cannot be sampled; names the joint.
     """
-    description = describe(*emulator_config(robot, []))
+    description = describe(*load_emulator_config(robot, []))
     found = torque_acceleration_bounds(
         Dynamics(description).robot,  # whose gravity is that of the description
         samples,

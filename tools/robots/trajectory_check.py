@@ -24,10 +24,9 @@ from hoap3.remote_controller.references.trajectories.trajectory_settings import 
     check_motion,
 )
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.logs.motion_files import is_log
-from hoap3.tools.logs.motions import motion_of
+from hoap3.tools.logs.motion_files import is_log, motion_of
 from hoap3.tools.robots.trajectory_limits import limits_exceeded
-from hoap3.tools.services.services import emulator_config
+from hoap3.tools.services.configs import load_emulator_config
 
 RADIANS = "positions are read in rad (prismatic joints: m): multiply degrees by pi/180 = 0.0174533"
 FAR_BEYOND = 4.0  # limits: perhaps degrees
@@ -47,7 +46,7 @@ def look(
     Raises:
         UsageError: the file or the robot cannot be read.
     """
-    description = describe(*emulator_config(robot, []))
+    description = describe(*load_emulator_config(robot, []))
     text = motion_of(Path(file)) if is_log(Path(file)) else read_text(Path(file))
     known = description.joint_names
     of_joints, is_either = are_columns(text, known), are_columns(text, (*AXES, *QUATERNION))

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.references.trajectories.motion_file import Motion
 from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.tools.robots.polynomial_peaks import derivative, peaks, value

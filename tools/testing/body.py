@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.plant_factory import build_body

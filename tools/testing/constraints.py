@@ -199,7 +199,7 @@ class ConstraintProperties(Suite):
         state.q[:], state.dq[:] = q, dq
         stack.update(q, dq, state)
         brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
-        eta = constraint.fit_rate(constraint.parameters, robot.velocity, brake)
+        eta = constraint.rate_of(constraint.parameters, (robot.velocity, brake))
         rows = np.ascontiguousarray(np.vstack((np.eye(n), stack.rows)))
         upper = np.concatenate((np.full(n, 1e3), np.minimum(stack.rows_upper, 1e30)))
         lower = np.concatenate((np.full(n, -1e3), np.maximum(stack.rows_lower, -1e30)))

@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.registry import find
 from hoap3.robot_emulator.config import EmulatorConfig, available_configs
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import Simulation, emulator_content, simulate, suited
+from hoap3.tools.services.configs import load_emulator_config, resolve_configs
+from hoap3.tools.simulate import Simulation, simulate
 from hoap3.tools.testing.body import Body, moved
 
 
@@ -47,11 +48,11 @@ class ControllerCase:
     def emulator(self) -> EmulatorConfig:
         """Settings of its robot."""
         if self._robot:
-            wanted = parse(EmulatorConfig, *emulator_content(self._robot))
-            return suited(wanted, self.config, ("test", self.name))[0]
+            wanted = load_emulator_config(self._robot)[0]
+            return resolve_configs(wanted, self.config, ("test", self.name))[0]
         gives = find(self.config.controller).commands
         takes = gives if self.stands_free else (None, *gives)
-        shipped = [parse(EmulatorConfig, *emulator_content(name)) for name in available_configs()]
+        shipped = [load_emulator_config(name)[0] for name in available_configs()]
         fitting = [
             known
             for known in shipped
@@ -59,8 +60,8 @@ class ControllerCase:
             and known.command in takes
             and (known.plant.parameters.get("base") == "free") == self.stands_free
         ]
-        found = fitting or [parse(EmulatorConfig, *emulator_content(self.config.robot))]
-        return suited(found[0], self.config, ("test", self.name))[0]
+        found = fitting or [load_emulator_config(self.config.robot)[0]]
+        return resolve_configs(found[0], self.config, ("test", self.name))[0]
 
     @cached_property
     def robot(self) -> RobotDescription:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 
 STEP = 1e-5  # rad, m or s
 

@@ -11,14 +11,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.plants.base import TOLD, Plant
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.environment.environment import Environment
-from hoap3.tools.simulate import emulator_content
+from hoap3.tools.services.configs import load_emulator_config
 from hoap3.tools.testing.suite import Suite, Value, over
 
 PERIODS = 400  # of a motion that is looked at
@@ -44,7 +44,7 @@ class PlantCase:
         """Its settings."""
         if isinstance(self._given, Mapping):
             return parse(EmulatorConfig, dict(self._given), self.label)
-        return parse(EmulatorConfig, *emulator_content(str(self._given)))
+        return load_emulator_config(str(self._given))[0]
 
     @cached_property
     def robot(self) -> RobotDescription:

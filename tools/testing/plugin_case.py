@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
 from hoap3.protocol.config.settings import Settings, load_yaml, parse
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.robots import load
 
 Entry = TypeVar("Entry", bound=Settings)

@@ -11,11 +11,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.robots import load
-from hoap3.robot_emulator.robots.urdf_import.inertia import KEYS, possible
+from hoap3.robot_emulator.robots.urdf_import.links import INERTIA_KEYS, is_possible_inertia
 from hoap3.tools.environment.environment import Environment
 from hoap3.tools.testing.numerics import posture
 from hoap3.tools.testing.suite import Suite, Value, over
@@ -106,8 +106,8 @@ class RobotProperties(Suite):
         for inertial in case.urdf.iter("inertial"):
             mass, inertia = inertial.find("mass"), inertial.find("inertia")
             if mass is not None and inertia is not None:
-                moments = np.array([float(inertia.get(key, 0)) for key in KEYS])
-                assert possible(float(mass.get("value", 0)), moments), inertia.attrib
+                moments = np.array([float(inertia.get(key, 0)) for key in INERTIA_KEYS])
+                assert is_possible_inertia(float(mass.get("value", 0)), moments), inertia.attrib
 
     @over("case", every)
     def test_wire_order_is_that_of_the_model_by_name(self, case: RobotCase) -> None:

@@ -18,7 +18,7 @@ from websockets.http11 import Request, Response
 
 from hoap3.protocol.config.endpoints import zone_fault
 from hoap3.protocol.errors import ConfigError, PortInUseError
-from hoap3.tools.show.output import bad_connections
+from hoap3.tools.analysis.output import bad_connections
 from hoap3.tools.view.access import Gate
 from hoap3.tools.view.files import MESH, headers, read_static
 from hoap3.tools.view.page import Page, Player, text

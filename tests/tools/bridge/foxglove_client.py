@@ -87,17 +87,17 @@ class FoxgloveClient:
 
     def decoded(self, topic: str) -> list[Any]:
         """The messages of a topic, read by mcap-ros2-support with the schema that was told."""
-        channel = self.channels[topic]
-        assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
-        name = channel["schemaName"]
-        read = generate_dynamic(name, channel["schema"])[name]
-        return [read(payload) for payload in self.messages[topic]]
+        return [self._reader(topic)(payload) for payload in self.messages[topic]]
 
     def decoded_newest(self, topic: str) -> Any:
         """The newest of them."""
+        return self._reader(topic)(self.messages[topic][-1])
+
+    def _reader(self, topic: str) -> Any:
         channel = self.channels[topic]
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
         name = channel["schemaName"]
-        return generate_dynamic(name, channel["schema"])[name](self.messages[topic][-1])
+        return generate_dynamic(name, channel["schema"])[name]
 
     def decoded_by_rosbags(self, topic: str) -> list[Any]:
         """Likewise by rosbags, another decoder."""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Self
 
 import zenoh
+from support.command_bench import Command, endpoint
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.link.zenoh_session import SPEAKS, key, open_session, sampled_key
+from hoap3.protocol.link.zenoh_session import key, open_session, sampled_key
 from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.bridge.robot_feed import Viewer, feed
 
 WAIT_S = 20.0
@@ -38,8 +40,7 @@ class LookedAt:
             Event: key(name, "events"),
         }
         session.declare_queryable(key(name, "ask/*/*"), self._answer)
-        liveliness = session.liveliness()
-        self._tokens = [liveliness.declare_token(key(name, leaf)) for leaf in (SPEAKS, "alive")]
+        self._token = session.liveliness().declare_token(key(name, "alive"))
 
     def __enter__(self) -> Self:
         return self
@@ -70,12 +71,28 @@ class LookedAt:
 
     def _answer(self, query: zenoh.Query) -> None:
         verb = str(query.key_expr).split("/")[3]
-        answers = {
-            "description": self.description.to_json(),
-            "status": json.dumps({"mode": "idle", "holder": None}).encode(),
-        }
+        status = json.dumps({"mode": "idle", "holder": None}).encode()
+        answers = {"description": self.description.to_json(), "status": status}
         if verb in answers:
             query.reply(query.key_expr, answers[verb])
+
+
+def assert_ends(command: Command, signum: int) -> None:
+    """A signal ends the command in order."""
+    assert command.end(signum) == 0
+    assert "Traceback" not in command.stderr
+    command.assert_no_orphan()
+
+
+def assert_shows_joints(*words: object) -> None:
+    """`hoap3 bridge ros2` with these words shows a ROS 2 peer joints of its robot."""
+    at, seen = endpoint(), list[zenoh.Sample]()
+    with Command("bridge", "ros2", *words, "--listen", at) as command:
+        command.hear("is there")
+        with open_session(LinkSettings(connect=(at,))) as peer:
+            peer.declare_subscriber("0/joint_states/**", seen.append)
+            until(lambda: len(seen) > 20)
+        assert_ends(command, signal.SIGTERM)
 
 
 @contextmanager

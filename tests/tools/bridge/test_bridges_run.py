@@ -10,23 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import zenoh
 from foxglove_client import FoxgloveClient
-from looked_at import until
-from support.command_bench import (
-    PATIENT,
-    QUIET,
-    Command,
-    controller,
-    emulator,
-    endpoint,
-    wait_for_mode,
-)
+from looked_at import assert_ends, assert_shows_joints, until
+from support.command_bench import QUIET, Command, emulator, endpoint, followed, wait_for_mode
 
 import hoap3
-from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import UsageError
-from hoap3.protocol.link.zenoh_session import open_session
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.model.kinematics import Kinematics
 
@@ -43,11 +32,7 @@ ELSEWHERE = np.array([-0.55, -0.05, 0.35])
 def at() -> Iterator[str]:
     """Where UR5 listens, which follows a controller with a live target."""
     place = endpoint()
-    with (
-        emulator(ROBOT, *QUIET, *PATIENT, at=place),
-        controller("steered_ur5", *QUIET, at=place) as law,
-    ):
-        law.hear("following robot")
+    with followed(place, (ROBOT, "steered_ur5")):
         wait_for_mode("active", place, ROBOT)
         yield place
 
@@ -58,9 +43,7 @@ def bridge(at: str, *words: str) -> Iterator[int]:
     with Command("bridge", "foxglove", ROBOT, "--connect", at, "--port", 0, *words) as command:
         found = command.hear(r"ws://127\.0\.0\.1:(\d+)")
         yield int(found[1])
-        assert command.end(signal.SIGINT) == 0
-        assert "Traceback" not in command.stderr
-        command.assert_no_orphan()
+        assert_ends(command, signal.SIGINT)
 
 
 def clicked(place: np.ndarray, frame: str = "world") -> dict[str, Any]:
@@ -134,15 +117,7 @@ def test_no_more_than_100_states_a_second_are_shown(at: str) -> None:
 
 
 def test_ros2_sees_the_joints_of_the_robot(at: str) -> None:
-    listens, seen = endpoint(), list[zenoh.Sample]()
-    with Command("bridge", "ros2", ROBOT, "--connect", at, "--listen", listens) as command:
-        command.hear("is there")
-        with open_session(LinkSettings(connect=(listens,))) as peer:
-            peer.declare_subscriber("0/joint_states/**", seen.append)
-            until(lambda: len(seen) > 20)
-        assert command.end(signal.SIGTERM) == 0
-        assert "Traceback" not in command.stderr
-        command.assert_no_orphan()
+    assert_shows_joints(ROBOT, "--connect", at)
 
 
 @pytest.mark.long  # it needs the machine for itself

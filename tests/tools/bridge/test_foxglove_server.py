@@ -7,6 +7,8 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,11 @@ from looked_at import LookedAt, fed, until
 from support.command_bench import PATIENCE_S, endpoint
 from support.small_arm import arm
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, PortInUseError
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.link.zenoh_session import is_alive
 from hoap3.protocol.messages import Event, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.tools.bridge import robot_feed
 from hoap3.tools.bridge.foxglove_server import FoxgloveServer
 
@@ -36,31 +38,39 @@ def at() -> str:
 
 @pytest.fixture
 def server() -> Iterator[FoxgloveServer]:
-    made = FoxgloveServer("127.0.0.1", 0)
-    yield made
-    made.close()
+    with closing(FoxgloveServer("127.0.0.1", 0)) as made:
+        yield made
 
 
-def test_a_client_lists_all_channels_and_decodes_each(server: FoxgloveServer, at: str) -> None:
+@pytest.fixture
+def robot(server, at) -> Iterator[LookedAt]:
+    """A robot that the server shows."""
+    with LookedAt(ROBOT, at) as made, fed(server, lambda: (ROBOT.name, at)):
+        yield made
+
+
+@pytest.fixture
+def client(server, robot) -> Iterator[FoxgloveClient]:
+    """One that looks at all that the server shows of the robot."""
+    with FoxgloveClient(server.port) as made:
+        made.look_at_all()
+        yield made
+
+
+def test_a_client_lists_all_channels_and_decodes_each(robot, client):
     q = ROBOT.initial_position + 0.1
     event = Event()
     event.kind, event.tick = Event.schema.constants["RECOVERED"], 5
-    with (
-        LookedAt(ROBOT, at) as robot,
-        fed(server, lambda: (ROBOT.name, at)),
-        FoxgloveClient(server.port) as client,
-    ):
-        client.look_at_all()
-        topics = {f"{HERE}/{leaf}" for leaf in ("state", "setpoint", "events", "joint_states")}
-        topics |= {"/robot_description", "/tf"}
-        client.hear(lambda: client.channels.keys() >= topics)
-        assert client.channels.keys() == topics
+    topics = {f"{HERE}/{leaf}" for leaf in ("state", "setpoint", "events", "joint_states")}
+    topics |= {"/robot_description", "/tf"}
+    client.hear(lambda: client.channels.keys() >= topics)
+    assert client.channels.keys() == topics
 
-        def say() -> None:
-            for message in (robot.state(q=q), robot.setpoint(), event):
-                robot.say(message)
+    def say() -> None:
+        for message in (robot.state(q=q), robot.setpoint(), event):
+            robot.say(message)
 
-        client.hear(lambda: client.messages.keys() >= topics, say)
+    client.hear(lambda: client.messages.keys() >= topics, say)
     for topic in topics:
         for decode in (client.decoded, client.decoded_by_rosbags):
             assert len(decode(topic)) == len(client.messages[topic]), topic
@@ -68,31 +78,19 @@ def test_a_client_lists_all_channels_and_decodes_each(server: FoxgloveServer, at
     assert client.decoded(f"{HERE}/setpoint")[-1].v == 0.25
     assert client.decoded(f"{HERE}/events")[-1].tick == 5
     joints = client.decoded(f"{HERE}/joint_states")[-1]
-    assert dict(zip(joints.name, joints.position, strict=True)) == dict(
-        zip(ROBOT.joint_names, q, strict=True)
-    )
+    assert (tuple(joints.name), list(joints.position)) == (ROBOT.joint_names, q.tolist())
     assert client.decoded("/robot_description")[-1].data == ROBOT.urdf
     frames = client.decoded("/tf")[-1].transforms
     assert {each.child_frame_id for each in frames} == set(ROBOT.frames)
 
 
-def test_states_are_the_bytes_that_the_robot_sent(server: FoxgloveServer, at: str) -> None:
-    sent: list[bytes] = []
-    with (
-        LookedAt(ROBOT, at) as robot,
-        fed(server, lambda: (ROBOT.name, at)),
-        FoxgloveClient(server.port) as client,
-    ):
-        client.look_at_all()
-        topic = f"{HERE}/state"
-        client.hear(
-            lambda: len(client.messages.get(topic, ())) > 5,
-            lambda: sent.append(robot.say(robot.state())),
-        )
-    assert set(client.messages[topic]) <= set(sent)
+def test_states_are_the_bytes_that_the_robot_sent(robot, client):
+    sent, seen = list[bytes](), client.messages.setdefault(f"{HERE}/state", [])
+    client.hear(lambda: len(seen) > 5, lambda: sent.append(robot.say(robot.state())))
+    assert set(seen) <= set(sent)
 
 
-def test_who_comes_later_is_given_the_description(server: FoxgloveServer, at: str) -> None:
+def test_who_comes_later_is_given_the_description(server, at):
     with LookedAt(ROBOT, at), fed(server, lambda: (ROBOT.name, at)) as told:
         until(lambda: told)
         for _ in range(2):
@@ -102,7 +100,7 @@ def test_who_comes_later_is_given_the_description(server: FoxgloveServer, at: st
 
 
 @pytest.mark.slow
-def test_a_client_that_asks_for_a_channel_that_is_gone_holds_up_nobody() -> None:
+def test_a_client_that_asks_for_a_channel_that_is_gone_holds_up_nobody():
     here = Path(__file__).parent
     paths = os.pathsep.join([str(here), str(here.parents[1]), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(  # apart, as a server that stands still takes its process with it
@@ -117,22 +115,16 @@ def test_a_client_that_asks_for_a_channel_that_is_gone_holds_up_nobody() -> None
 
 
 @pytest.mark.slow
-def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(
-    server: FoxgloveServer, at: str
-) -> None:
+def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(server, at):
     other = renamed_joint(ROBOT)
-    with (
-        fed(server, lambda: (ROBOT.name, at)) as told,
-        FoxgloveClient(server.port) as client,
-    ):
+    with fed(server, lambda: (ROBOT.name, at)) as told, FoxgloveClient(server.port) as client:
         client.look_at_all()
         until(lambda: told)
         assert "waiting" in told[0]
         for session, description in ((7, ROBOT), (8, ROBOT), (9, other)):
             with LookedAt(description, at, session) as robot:
                 client.hear(
-                    lambda robot=robot: shows(client, robot),
-                    lambda robot=robot: robot.say(robot.state()),
+                    partial(shows, client, robot), lambda robot=robot: robot.say(robot.state())
                 )
 
 
@@ -142,14 +134,12 @@ def shows(client: FoxgloveClient, robot: LookedAt) -> bool:
     if not client.messages.keys() & client.channels.keys() >= set(topics):
         return False
     state, joints, text = (client.decoded_newest(topic) for topic in topics)
-    names = tuple(joints.name)
-    found = (state.session_id, names, text.data)
-    return found == (robot.session_id, robot.description.joint_names, robot.description.urdf)
+    wanted = robot.description
+    names, urdf = wanted.joint_names, wanted.urdf
+    return (state.session_id, tuple(joints.name), text.data) == (robot.session_id, names, urdf)
 
 
-def test_a_robot_that_says_nothing_but_lives_is_kept(
-    server: FoxgloveServer, at: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_that_says_nothing_but_lives_is_kept(server, at, monkeypatch):
     monkeypatch.setattr(robot_feed, "SILENCE_S", -1.0)  # it is asked in each period
     asked: list[bool] = []
 
@@ -167,36 +157,27 @@ def renamed_joint(description: RobotDescription) -> RobotDescription:
     """The robot, but that its first joint has another name."""
     before = description.joint_names[0]
     first = description.joints[0].model_copy(update={"name": "another"})
-    return description.model_copy(
-        update={
-            "urdf": description.urdf.replace(f'"{before}"', '"another"'),
-            "joints": (first, *description.joints[1:]),
-        }
-    )
+    urdf = description.urdf.replace(f'"{before}"', '"another"')
+    joints = (first, *description.joints[1:])
+    return description.model_copy(update={"urdf": urdf, "joints": joints})
 
 
-def test_what_is_no_message_of_this_robot_is_not_shown(server: FoxgloveServer, at: str) -> None:
-    with (
-        LookedAt(ROBOT, at) as robot,
-        fed(server, lambda: (ROBOT.name, at)),
-        FoxgloveClient(server.port) as client,
-    ):
-        client.look_at_all()
-        topic = f"{HERE}/state"
-        client.hear(lambda: client.messages.get(topic), lambda: robot.say(robot.state()))
-        wrong = State(ROBOT.n + 1)
-        wrong.session_id = robot.session_id
-        for _ in range(3):
-            robot.say(wrong)
-            robot.say(Event())  # which is read behind it, and shown
-            heard = len(client.messages.get(f"{HERE}/events", ()))
-            client.hear(lambda heard=heard: len(client.messages.get(f"{HERE}/events", ())) > heard)
-        last = robot.state(q=1.0)
-        client.hear(lambda: client.messages[topic][-1] == last.dump(), lambda: robot.say(last))
+def test_what_is_no_message_of_this_robot_is_not_shown(robot, client):
+    topic = f"{HERE}/state"
+    client.hear(lambda: client.messages.get(topic), lambda: robot.say(robot.state()))
+    wrong = State(ROBOT.n + 1)
+    wrong.session_id = robot.session_id
+    for _ in range(3):
+        robot.say(wrong)
+        robot.say(Event())  # which is read behind it, and shown
+        heard = len(client.messages.get(f"{HERE}/events", ()))
+        client.hear(lambda heard=heard: len(client.messages.get(f"{HERE}/events", ())) > heard)
+    last = robot.state(q=1.0)
+    client.hear(lambda: client.messages[topic][-1] == last.dump(), lambda: robot.say(last))
     assert wrong.dump() not in client.messages[topic]
 
 
-def test_a_client_that_publishes_is_refused(server: FoxgloveServer) -> None:
+def test_a_client_that_publishes_is_refused(server):
     with FoxgloveClient(server.port) as client:
         client.hear(lambda: client.info)
         assert client.info["capabilities"] == []
@@ -207,16 +188,11 @@ def test_a_client_that_publishes_is_refused(server: FoxgloveServer) -> None:
 
 
 @pytest.mark.slow
-def test_a_client_that_reads_nothing_holds_up_nobody(server: FoxgloveServer, at: str) -> None:
+def test_a_client_that_reads_nothing_holds_up_nobody(server, robot, client):
     """It misses most, and finds the newest when it reads again; another one sees all in time."""
-    with (
-        LookedAt(ROBOT, at) as robot,
-        fed(server, lambda: (ROBOT.name, at)),
-        FoxgloveClient(server.port) as stuck,
-        FoxgloveClient(server.port) as client,
-    ):
+    with FoxgloveClient(server.port) as stuck:
+        stuck.look_at_all()
         for each in (stuck, client):
-            each.look_at_all()
             each.hear(lambda each=each: each.messages.get("/robot_description"))
         topic, sent = f"{HERE}/state", 20_000  # more than sockets and the queue can hold
         for _ in range(sent):
@@ -233,17 +209,17 @@ def test_a_client_that_reads_nothing_holds_up_nobody(server: FoxgloveServer, at:
     assert len(set(ticks)) < sent / 2
 
 
-def test_a_port_that_is_taken_is_told_with_what_to_do(server: FoxgloveServer) -> None:
+def test_a_port_that_is_taken_is_told_with_what_to_do(server):
     with pytest.raises(PortInUseError, match=f"127.0.0.1:{server.port}.*--port"):
         FoxgloveServer("127.0.0.1", server.port)
 
 
-def test_an_address_of_another_machine_is_refused() -> None:
+def test_an_address_of_another_machine_is_refused():
     with pytest.raises(ConfigError, match="--host"):
         FoxgloveServer("192.0.2.1", 0)
 
 
-def test_it_listens_on_loopback_alone(server: FoxgloveServer) -> None:
+def test_it_listens_on_loopback_alone(server):
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     here = f"{struct.unpack('<I', bytes([127, 0, 0, 1]))[0]:08X}:{server.port:04X}"
     listening = [row[1] for row in rows if row[3] == "0A" and row[1].endswith(here[8:])]

@@ -7,6 +7,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -43,36 +44,30 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> Messages:
 
 @pytest.fixture(scope="module")
 def live() -> Iterator[Messages]:
-    at, server = endpoint(), FoxgloveServer("127.0.0.1", 0)
-    try:
-        with (
-            LookedAt(ROBOT, at) as robot,
-            fed(server, lambda: (ROBOT.name, at)),
-            FoxgloveClient(server.port) as client,
-        ):
-            client.look_at_all()
+    at = endpoint()
+    with (
+        closing(FoxgloveServer("127.0.0.1", 0)) as server,
+        LookedAt(ROBOT, at) as robot,
+        fed(server, lambda: (ROBOT.name, at)),
+        FoxgloveClient(server.port) as client,
+    ):
+        client.look_at_all()
 
-            def say() -> None:
-                for message in (robot.state(), robot.setpoint(), Event()):
-                    robot.say(message)
+        def say() -> None:
+            for message in (robot.state(), robot.setpoint(), Event()):
+                robot.say(message)
 
-            client.hear(lambda: len(client.messages) == 6, say)
-            yield {topic: client.decoded(topic)[-1] for topic in client.channels}
-    finally:
-        server.close()
+        client.hear(lambda: len(client.messages) == 6, say)
+        yield {topic: client.decoded_newest(topic) for topic in client.channels}
 
 
 def panels(layout: dict[str, Any]) -> list[str]:
     """Panels that stand somewhere in a layout of Foxglove."""
 
-    def below(part: Any) -> Iterator[str]:
-        if isinstance(part, str):
-            yield part
-        else:
-            yield from below(part["first"])
-            yield from below(part["second"])
+    def below(part: Any) -> list[str]:
+        return [part] if isinstance(part, str) else below(part["first"]) + below(part["second"])
 
-    return list(below(layout["layout"]))
+    return below(layout["layout"])
 
 
 def foxglove_paths(layout: dict[str, Any]) -> list[str]:
@@ -92,7 +87,7 @@ def shown(message: Any, fields: str) -> Any:
     return message
 
 
-def test_foxglove_finds_every_topic_and_field(logged: Messages, live: Messages) -> None:
+def test_foxglove_finds_every_topic_and_field_and_has_a_place_for_every_panel(logged, live):
     layout = json.loads(foxglove_layout(ROBOT))
     paths = foxglove_paths(layout)
     assert len(paths) > 2 * ROBOT.n
@@ -101,25 +96,17 @@ def test_foxglove_finds_every_topic_and_field(logged: Messages, live: Messages) 
             topic, dot, fields = path.partition(".")
             value = shown(messages[topic], dot + fields)
             assert not fields or math.isfinite(value), path
-    (model,) = [
-        layer["topic"]
-        for layer in layout["configById"]["3D!robot"]["layers"].values()
-        if layer["layerId"] == "foxglove.Urdf"
-    ]
+    layers = layout["configById"]["3D!robot"]["layers"].values()
+    (model,) = [each["topic"] for each in layers if each["layerId"] == "foxglove.Urdf"]
     assert model == DESCRIPTION_TOPIC
     assert live[model].data == ROBOT.urdf
-
-
-def test_foxglove_has_a_place_for_every_panel() -> None:
-    layout = json.loads(foxglove_layout(ROBOT))
     assert sorted(panels(layout)) == sorted(layout["configById"])
 
 
-def test_plotjuggler_finds_every_curve(logged: Messages, live: Messages) -> None:
+def test_plotjuggler_finds_every_curve(logged, live):
     """It names the number of a field `topic/field[place]`, and a joint `topic/joint/position`."""
-    curves = [
-        each.attrib["name"] for each in ET.fromstring(plotjuggler_layout(ROBOT)).iter("curve")
-    ]
+    tree = ET.fromstring(plotjuggler_layout(ROBOT))
+    curves = [each.attrib["name"] for each in tree.iter("curve")]
     assert len(curves) > 3 * ROBOT.n
     for messages in (logged, live):
         for curve in curves:

@@ -16,8 +16,13 @@ from support.small_arm import arm
 
 from hoap3.protocol.errors import LinkError, UsageError
 from hoap3.tools.bridge import panel_targets
-from hoap3.tools.bridge.panel_messages import Clicked, read_clicked
-from hoap3.tools.bridge.panel_targets import PanelTargets, check_frame, choose
+from hoap3.tools.bridge.panel_targets import (
+    Clicked,
+    PanelTargets,
+    check_frame,
+    choose,
+    read_clicked,
+)
 
 ROBOT = arm()
 POINT = {"name": "hand", "dimension": 3, "layout": ["x", "y", "z"]}
@@ -43,14 +48,21 @@ def test_a_point_and_a_pose_are_read_from_cdr(frame: str) -> None:
     kinds = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
     header = kinds["Header"](kinds["Time"](1, 2), frame)
     point, turn = kinds["Point"](0.1, 0.2, 0.3), kinds["Quaternion"](0.0, 0.6, 0.0, 0.8)
-    name = "geometry_msgs/msg/PointStamped"
-    data = bytes(store.serialize_cdr(store.types[name](header, point), name))
-    assert read_clicked(name, "cdr", data) == Clicked(frame, (0.1, 0.2, 0.3))
-    name = "geometry_msgs/msg/PoseStamped"
-    pose = store.types["geometry_msgs/msg/Pose"](point, turn)
-    data = bytes(store.serialize_cdr(store.types[name](header, pose), name))
-    found = read_clicked(name, "cdr", data)
-    assert found == Clicked(frame, (0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8))
+    place, whole = (0.1, 0.2, 0.3), (0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8)
+    for leaf, part, values in (
+        ("Point", point, place),
+        ("Pose", kinds["Pose"](point, turn), whole),
+    ):
+        name = f"geometry_msgs/msg/{leaf}Stamped"
+        data = bytes(store.serialize_cdr(store.types[name](header, part), name))
+        assert read_clicked(name, "cdr", data) == Clicked(frame, values)
+
+
+NO_POINTS = [
+    *(b"{}", b"[]", b"\xff", b"[" * 4000, b" " * 4097, b'{"header": 3, "point": {}}'),
+    *(b'{"point": {"x": %s, "y": 0, "z": 0}}' % x for x in (b'"a"', b"null")),
+]
+NO_CDR = b"", b"\0\1\0\0" + bytes(20), b"\0\0\0\0" + bytes(60), b"\0\1\0\0" + b"\xff" * 60
 
 
 @pytest.mark.parametrize(
@@ -59,18 +71,8 @@ def test_a_point_and_a_pose_are_read_from_cdr(frame: str) -> None:
         ("geometry_msgs/Twist", "json", b"{}"),
         ("other_msgs/PointStamped", "json", b"{}"),
         ("geometry_msgs/PointStamped", "protobuf", b"{}"),
-        ("geometry_msgs/PointStamped", "json", b"{}"),
-        ("geometry_msgs/PointStamped", "json", b"[]"),
-        ("geometry_msgs/PointStamped", "json", b"\xff"),
-        ("geometry_msgs/PointStamped", "json", b"[" * 4000),
-        ("geometry_msgs/PointStamped", "json", b'{"point": {"x": "a", "y": 0, "z": 0}}'),
-        ("geometry_msgs/PointStamped", "json", b'{"point": {"x": null, "y": 0, "z": 0}}'),
-        ("geometry_msgs/PointStamped", "json", b'{"header": 3, "point": {}}'),
-        ("geometry_msgs/PointStamped", "json", b" " * 4097),
-        ("geometry_msgs/PointStamped", "cdr", b""),
-        ("geometry_msgs/PointStamped", "cdr", b"\0\1\0\0" + bytes(20)),
-        ("geometry_msgs/PointStamped", "cdr", b"\0\0\0\0" + bytes(60)),
-        ("geometry_msgs/PointStamped", "cdr", b"\0\1\0\0" + b"\xff" * 60),
+        *(("geometry_msgs/PointStamped", "json", data) for data in NO_POINTS),
+        *(("geometry_msgs/PointStamped", "cdr", data) for data in NO_CDR),
     ],
 )
 def test_what_is_no_point_is_refused(schema: str, encoding: str, data: bytes) -> None:
@@ -115,18 +117,15 @@ class Steered:
         Steered.made.append(self)
 
     def acquire(self) -> list[dict[str, Any]]:
-        """As `Connection` does."""
         if Steered.error is not None:
             raise Steered.error
         self.acquired += 1
         return [POINT]
 
     def send_target(self, values: Any, target: str) -> None:
-        """As `Connection` does."""
         self.sent.append((tuple(values), target))
 
     def close(self) -> None:
-        """As `Connection` does."""
         self.closed = True
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import struct
 
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from hoap3.tools.bridge.rmw_zenoh import Node, Publisher, Qos
-from hoap3.tools.logs.log_format import STRING
+from hoap3.tools.bridge.rmw_zenoh import TYPES, Node, Publisher
+from hoap3.tools.logs.log_format import JOINT_STATE, STRING
 
 CHATTER = (
     "std_msgs::msg::dds_::String_/"
@@ -30,7 +31,7 @@ TEXT = b"@ros2_lv/0/" * 200
 
 
 def test_a_topic_of_the_design_document() -> None:
-    chatter = TALKER.publisher(10, "chatter", "std_msgs/msg/String", STRING, Qos(7))
+    chatter = TALKER.publisher(10, "chatter", "std_msgs/msg/String", depth=7)
     assert chatter.key == f"2/chatter/{CHATTER}"
     assert chatter.token == (
         "@ros2_lv/2/8b20917502ee955ac4476e0266340d5c/0/10/MP/%/%/talker/%chatter/"
@@ -40,7 +41,7 @@ def test_a_topic_of_the_design_document() -> None:
 
 
 def test_a_namespace_stands_before_the_topic_and_in_the_tokens() -> None:
-    chatter = ROBOT1.publisher(1, "chatter", "std_msgs/msg/String", STRING, Qos(1, latched=True))
+    chatter = ROBOT1.publisher(1, "chatter", "std_msgs/msg/String", depth=1, latched=True)
     assert chatter.key == f"0/robot1/chatter/{CHATTER}"
     assert ROBOT1.token.endswith("/0/0/NN/%/%robot1/talker")
     end = f"/0/1/MP/%/%robot1/talker/%robot1%chatter/{CHATTER}/:1:,1:,:,:,,"
@@ -48,7 +49,7 @@ def test_a_namespace_stands_before_the_topic_and_in_the_tokens() -> None:
 
 
 def test_an_attachment_is_number_stamp_and_gid() -> None:
-    chatter = TALKER.publisher(10, "chatter", "std_msgs/msg/String", STRING, Qos(7))
+    chatter = TALKER.publisher(10, "chatter", "std_msgs/msg/String", depth=7)
     attachment = chatter.attachment(3, 1_700_000_000_123_456_789)
     assert struct.unpack("<qqB16s", attachment) == (3, 1_700_000_000_123_456_789, 16, chatter.gid)
 
@@ -56,3 +57,14 @@ def test_an_attachment_is_number_stamp_and_gid() -> None:
 @pytest.mark.parametrize("size", HASHED)
 def test_a_gid_is_the_hash_of_xxhash(size: int) -> None:
     assert Publisher("", TEXT[:size].decode()).gid.hex() == HASHED[size]
+
+
+@pytest.mark.parametrize(
+    ("name", "schema"),
+    [("sensor_msgs/msg/JointState", JOINT_STATE), ("std_msgs/msg/String", STRING)],
+)
+def test_a_type_has_the_hash_of_its_schema(name: str, schema: str) -> None:
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(schema, name))
+    package, _, leaf = name.split("/")
+    assert TYPES[name] == f"{package}::msg::dds_::{leaf}_/{store.hash_rihs01(name)}"

@@ -11,9 +11,8 @@ from looked_at import LookedAt, fed, until
 from support.command_bench import endpoint
 from support.small_arm import arm
 
+from hoap3.tools.bridge.rmw_zenoh import TYPES
 from hoap3.tools.bridge.ros2_publisher import Ros2Publisher
-from hoap3.tools.bridge.type_hashes import type_hash
-from hoap3.tools.logs.log_format import JOINT_STATE
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +59,7 @@ def peer(
     ZenohSession._instance = None
 
 
-def test_it_receives_joint_states(bridge: tuple[Ros2Publisher, int], peer: Any) -> None:
+def test_it_receives_joint_states(bridge, peer):
     at, seen = endpoint(), list[Any]()
     q = ROBOT.initial_position + 0.1
     subscriber = peer.ROS2Subscriber("/joint_states", "sensor_msgs/msg/JointState", seen.append)
@@ -74,9 +73,7 @@ def test_it_receives_joint_states(bridge: tuple[Ros2Publisher, int], peer: Any) 
         assert message.header.stamp.sec > 0
 
 
-def test_it_receives_the_description_though_it_comes_later(
-    bridge: tuple[Ros2Publisher, int], peer: Any
-) -> None:
+def test_it_receives_the_description_though_it_comes_later(bridge, peer):
     from zenoh_ros2_sdk.qos import QosDurability, QosProfile
 
     at, seen = endpoint(), list[Any]()
@@ -91,9 +88,7 @@ def test_it_receives_the_description_though_it_comes_later(
     assert {message.data for message in seen} == {ROBOT.urdf}
 
 
-def test_it_finds_the_topics_their_types_and_the_node(
-    bridge: tuple[Ros2Publisher, int], peer: Any
-) -> None:
+def test_it_finds_the_topics_their_types_and_the_node(bridge, peer):
     here = {"router_ip": "127.0.0.1", "router_port": bridge[1]}
     found = until(lambda: dict(peer.get_topic_names_and_types(**here)))
     assert found == {
@@ -103,5 +98,5 @@ def test_it_finds_the_topics_their_types_and_the_node(
     told = peer.get_topic_info("/joint_states", verbose=True, **here)
     (publisher,) = told.publishers
     assert publisher.node_name == "hoap3_bridge"
-    assert publisher.type_hash == type_hash("sensor_msgs/msg/JointState", JOINT_STATE)
+    assert publisher.type_hash == TYPES["sensor_msgs/msg/JointState"].rpartition("/")[2]
     assert told.subscriber_count == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
@@ -19,18 +19,12 @@ from support.small_arm import arm
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import ConfigError, LinkError, PortInUseError
 from hoap3.protocol.link.zenoh_session import open_session
+from hoap3.tools.bridge.rmw_zenoh import TYPES
 from hoap3.tools.bridge.ros2_publisher import Ros2Publisher
 from hoap3.tools.logs.log_format import JOINT_STATE, unpack_string
 
 ROBOT = arm()
-JOINTS = (
-    "sensor_msgs::msg::dds_::JointState_/"
-    "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
-)
-STRING = (
-    "std_msgs::msg::dds_::String_/"
-    "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
-)
+JOINTS, STRING = TYPES["sensor_msgs/msg/JointState"], TYPES["std_msgs/msg/String"]
 
 
 @contextmanager
@@ -39,12 +33,11 @@ def published(
 ) -> Iterator[tuple[Ros2Publisher, zenoh.Session, str]]:
     """A bridge, and a peer that is connected to it, at an endpoint."""
     at = endpoint()
-    publisher = Ros2Publisher(at, None, domain, namespace)
-    try:
-        with open_session(LinkSettings(connect=(at,)), stamps=True) as peer:
-            yield publisher, peer, at
-    finally:
-        publisher.close()
+    with (
+        closing(Ros2Publisher(at, None, domain, namespace)) as publisher,
+        open_session(LinkSettings(connect=(at,)), stamps=True) as peer,
+    ):
+        yield publisher, peer, at
 
 
 def tokens(peer: zenoh.Session) -> list[str]:

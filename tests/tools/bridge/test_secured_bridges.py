@@ -5,16 +5,13 @@ from __future__ import annotations
 import signal
 
 import pytest
-import zenoh
 from foxglove_client import FoxgloveClient
-from looked_at import until
+from looked_at import assert_ends, assert_shows_joints
 from support.certificates.secured_arm import assert_stays, goes
-from support.command_bench import Command, endpoint
+from support.command_bench import Command
 from support.pages.steered_arm import FAR, ROBOT, hand
 
 import hoap3
-from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_session import open_session
 
 pytestmark = pytest.mark.slow
 
@@ -43,17 +40,8 @@ def test_foxglove_steers_with_an_operators_certificate_alone(name, secured, cert
         else:
             client.hear(lambda: client.status)
             assert_stays(robot, place)
-        assert command.end(signal.SIGINT) == 0
-        assert "Traceback" not in command.stderr
+        assert_ends(command, signal.SIGINT)
 
 
 def test_ros2_sees_the_joints_by_an_observers_certificate(secured, certs):
-    listens, seen = endpoint(), list[zenoh.Sample]()
-    words = ("--connect", secured, "--secure", certs / "otto", "--listen", listens)
-    with Command("bridge", "ros2", ROBOT, *words) as command:
-        command.hear("is there")
-        with open_session(LinkSettings(connect=(listens,))) as peer:
-            peer.declare_subscriber("0/joint_states/**", seen.append)
-            until(lambda: len(seen) > 20)
-        assert command.end(signal.SIGTERM) == 0
-        assert "Traceback" not in command.stderr
+    assert_shows_joints(ROBOT, "--connect", secured, "--secure", certs / "otto")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import threading
+from itertools import combinations
 
 import numpy as np
 import pytest
-from plain_checker import check_env, check_plainly, same
+from gymnasium.utils.env_checker import check_env
 
 import hoap3
 from hoap3 import ConfigError, Environment, UsageError
@@ -16,6 +19,11 @@ from hoap3.protocol.runtime.shm_ring import Kind
 
 KINDS = ("position", "acceleration", "torque")
 every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def same(left: dict[str, np.ndarray], right: dict[str, np.ndarray]) -> bool:
+    there, here = ({name: each.tobytes() for name, each in of.items()} for of in (left, right))
+    return there == here
 
 
 def states(env: Environment, actions: np.ndarray, seed: int | None = 0) -> list[bytes]:
@@ -133,6 +141,9 @@ def test_reward_and_ends_are_the_users():
         return step.info["tick"] >= 6
 
     env = Environment("ur5", reward, arrived, periods_per_step=2)
+    assert env.state is None
+    with pytest.raises(UsageError):  # there is nothing to step yet
+        env.step(env.description.initial_position)
     first, _ = env.reset(seed=0)
     action = env.description.initial_position + 0.01
     for tick in (2, 4, 6):
@@ -150,13 +161,6 @@ def test_reward_and_ends_are_the_users():
     cut = Environment("ur5", truncated=lambda step: True)
     cut.reset()
     assert cut.step(action)[2:4] == (False, True)
-
-
-def test_before_the_first_reset_there_is_nothing_to_step():
-    env = Environment("ur5")
-    assert env.state is None
-    with pytest.raises(UsageError):
-        env.step(env.description.initial_position)
 
 
 def test_an_episode_starts_where_it_is_told():
@@ -264,15 +268,31 @@ def test_a_robot_that_follows_no_more_ends_the_episode():
 )
 @pytest.mark.filterwarnings("ignore:.*Box:UserWarning")  # that its ranges are not ±1
 def test_gymnasium_takes_it_for_an_environment(settings):
-    check_env(Environment(**settings))
+    check_env(Environment(**settings), skip_render_check=True)
 
 
-def test_the_stand_in_for_gymnasiums_checker_finds_faults(monkeypatch):
+def test_observations_share_no_memory_and_follow_the_seed_alone():
     env = Environment("ur5")
-    check_plainly(env)
-    monkeypatch.setattr(Environment, "_observed", lambda self, state: {"q": state.q})
-    with pytest.raises(AssertionError):
-        check_plainly(env)
+    first = [env.reset(seed=123)[0], env.reset()[0]]
+    again = [env.reset(seed=123)[0], env.reset()[0]]
+    assert all(same(*pair) for pair in zip(first, again, strict=True))
+    seen = first + [env.step(env.description.initial_position)[0] for _ in range(2)]
+    for left, right in combinations(seen, 2):
+        assert not any(np.shares_memory(left[name], right[name]) for name in left)
+
+
+def test_without_gymnasium_the_error_names_the_extra():
+    code = """if True:
+        import sys
+        sys.modules["gymnasium"] = None
+        import hoap3
+        try:
+            hoap3.Environment
+        except hoap3.NotInstalledError as error:
+            print(error)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "pip install 'hoap3[gymnasium]'" in done.stdout
 
 
 def test_actions_lie_between_what_the_robot_can():

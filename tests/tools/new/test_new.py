@@ -95,13 +95,10 @@ def test_what_is_there_is_not_overwritten(kind, tmp_path):
     folder.mkdir()
     write_package(kind, "first_try", folder)  # an empty folder will do
     before = {path: path.read_bytes() for path in folder.rglob("*.*")}
-    with pytest.raises(UsageError):
-        write_package(kind, "second_try", folder)
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(UsageError):
-        write_package(kind, "second_try", tmp_path / "file")
-    with pytest.raises(UsageError):
-        write_package(kind, "second_try", tmp_path / "file" / "below")
+    for taken in (folder, tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(UsageError):
+            write_package(kind, "second_try", taken)
     assert before == {path: path.read_bytes() for path in folder.rglob("*.*")}
     assert (tmp_path / "file").read_text() == "mine"
 
@@ -109,26 +106,13 @@ def test_what_is_there_is_not_overwritten(kind, tmp_path):
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        ("controller", "qp12"),
-        ("controller", "qp12_paper"),  # a config
-        ("task", "com"),
+        *(("controller", name) for name in ("qp12", "qp12_paper", "json", "numpy")),
+        *(("robot", name) for name in ("ur5", "hoap3_standing")),
         ("constraint", "viability"),
-        ("robot", "ur5"),
-        ("robot", "hoap3_standing"),
         ("plant", "mujoco"),
         ("plant", "declared"),  # a class that the plant uses
-        ("controller", "json"),
-        ("controller", "numpy"),
-        ("task", "hoap3"),
-        ("task", "class"),
-        ("task", "none"),
-        ("task", "My_task"),
-        ("task", "my-task"),
-        ("task", "1st"),
-        ("task", ""),
-        ("task", "a/b"),
-        ("task", "a" * 33),
-        ("task", "überall"),
+        *(("task", name) for name in ("com", "hoap3", "class", "none", "My_task", "my-task")),
+        *(("task", name) for name in ("1st", "", "a/b", "a" * 33, "überall")),
     ],
 )
 def test_a_name_that_will_not_do_is_refused_and_nothing_is_written(

@@ -16,7 +16,7 @@ from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.protocol.messages import State
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.remote_controller.model.free_dynamics import FreeDynamics
-from hoap3.tools.bridge.link_frames import world_frame
+from hoap3.tools.bridge.frame_transforms import world_frame
 from hoap3.tools.bridge.panel_targets import Clicked, check_frame
 from hoap3.tools.logs.log import Log
 

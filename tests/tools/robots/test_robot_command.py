@@ -48,15 +48,12 @@ def test_robot_yaml_says_what_was_guessed_and_why(here):
     assert "guessed: velocity 1 rad/s" in head
     assert hashlib.sha256(GUESSED.encode()).hexdigest() in head
     content = yaml.safe_load(rest)
-    assert content["joints"][0] == {
-        "name": "shoulder",
-        "setpoint_acceleration_max": 5.0,
-        "brake_acceleration": 5.0,
-        "guessed": ["velocity", "acceleration"],
-    }
+    slow = {"setpoint_acceleration_max": 5.0, "brake_acceleration": 5.0}
+    guessed = {"guessed": ["velocity", "acceleration"]}
+    assert content["joints"][0] == {"name": "shoulder", **slow, **guessed}
     assert content["joints"][1] == {"name": "elbow", "guessed": ["acceleration"]}
-    (line, *_) = [line for line in rest.splitlines() if line.strip().startswith("guessed:")]
-    assert "#" in line  # why
+    whys = [line for line in rest.splitlines() if line.strip().startswith("# guessed")]
+    assert [line.split()[2] for line in whys] == ["velocity:", "acceleration:"]  # once each
 
 
 def test_meshes_are_copied_and_known_by_their_digest(here):
@@ -126,11 +123,10 @@ def test_a_folder_that_has_its_meshes_takes_no_packages(here):
 
 @pytest.mark.parametrize("as_folder", [False, True])
 def test_a_check_says_what_the_robot_is(here, as_folder):
-    follower = joint("grip", "hand", "finger", '<mimic joint="wrist" multiplier="0.5"/>')
+    mimic_joint = joint("grip", "hand", "finger", '<mimic joint="wrist" multiplier="0.5"/>')
     wheel = joint("wheel", "base", "rim", "", "continuous")
-    vendor_folder(
-        here, urdf(LINKS + link("finger") + link("rim"), GUESSED_JOINTS + follower + wheel)
-    )
+    links = LINKS + link("finger") + link("rim")
+    vendor_folder(here, urdf(links, GUESSED_JOINTS + mimic_joint + wheel))
     path = ARM
     if as_folder:
         assert inside("robot", "import", ARM).code == 0

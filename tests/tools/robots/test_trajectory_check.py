@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.command_bench import inside
+from support.command_bench import Done, inside
 
 from hoap3.remote_controller.references.trajectories.motion_file import Motion
 from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
@@ -64,10 +64,8 @@ def sampled(given_: Motion, degree: str, scaling: float) -> set[tuple[str, str]]
     for k, time in enumerate(times.tolist()):
         path.at(time, x[k], v[k])
     step = times[1]
-    inside_segment = np.searchsorted(path.times_s[1:-1], times[:-1]) == np.searchsorted(
-        path.times_s[1:-1], times[1:]
-    )
-    a = (np.diff(v, axis=0) / step)[inside_segment]
+    begins, ends = (np.searchsorted(path.times_s[1:-1], t) for t in (times[:-1], times[1:]))
+    a = (np.diff(v, axis=0) / step)[begins == ends]
     beyond = {
         "position": (x < UR5.lower[JOINTS] - 1e-3) | (x > UR5.upper[JOINTS] + 1e-3),
         "velocity": np.abs(v) > 1.001 * UR5.velocity[JOINTS],
@@ -105,15 +103,19 @@ def test_the_way_to_the_first_point_has_a_time_of_its_own():
     assert found(given_, "cubic", 3.0, seen["fits_with_approach_s"] * 0.999)["exceeded"] != []
 
 
+def checked(folder: Path, text: str, *words: object) -> Done:
+    """What `hoap3 trajectory check` says of this file for a UR5."""
+    file = folder / "a.csv"
+    file.write_bytes(text.encode())
+    return inside("trajectory", "check", file, "--robot", "ur5", *words)
+
+
 FAST = f"t,{NAMES[1]}\n0,1.6\n0.1,1.7\n0.2,1.2\n1.0,1.2\n"
 
 
 @pytest.mark.parametrize(("scaling", "code"), [("1", 1), ("80", 0)])
-def test_the_command_ends_with_1_where_a_limit_is_exceeded(scaling, code, tmp_path: Path):
-    path = tmp_path / "fast.csv"
-    path.write_text(FAST)
-    given_ = "--robot", "ur5", "--time-scaling", scaling
-    done = inside("trajectory", "check", path, *given_, "--json")
+def test_the_command_ends_with_1_where_a_limit_is_exceeded(scaling, code, tmp_path):
+    done = checked(tmp_path, FAST, "--time-scaling", scaling, "--json")
     told = done.json()
     assert done.code == code
     assert bool(told["exceeded"]) == bool(code)
@@ -124,10 +126,8 @@ def test_the_command_ends_with_1_where_a_limit_is_exceeded(scaling, code, tmp_pa
         assert 0.1 <= speed["time_s"] - told["approach_s"] <= 0.2
 
 
-def test_points_in_space_are_told_with_their_speed(tmp_path: Path):
-    path = tmp_path / "line.csv"
-    path.write_text("t,x,y,z\n0,0,0,0.3\n2,0.6,0.8,0.3\n")
-    told = inside("trajectory", "check", path, "--robot", "ur5", "--json").json()
+def test_points_in_space_are_told_with_their_speed(tmp_path):
+    told = checked(tmp_path, "t,x,y,z\n0,0,0,0.3\n2,0.6,0.8,0.3\n", "--json").json()
     assert told["top_speed_m_s"] == pytest.approx(0.5)
     assert told["ranges_m"]["y"] == pytest.approx([0.0, 0.8])
 
@@ -140,23 +140,20 @@ def test_points_in_space_are_told_with_their_speed(tmp_path: Path):
         (f"t,{NAMES[0]},{NAMES[0]}/velocity\n0,0,0\n1,0.1,0.01\n", "rest"),
     ],
 )
-def test_what_a_run_refuses_the_check_does(text, word, tmp_path: Path):
-    file = tmp_path / "a.csv"
-    file.write_text(text)
-    done = inside("trajectory", "check", file, "--robot", "ur5")
+def test_what_a_run_refuses_the_check_does(text, word, tmp_path):
+    done = checked(tmp_path, text)
     assert done.code == 2
     assert word in done.stderr
 
 
-def test_a_scaling_for_which_nobody_waits_is_refused(tmp_path: Path):
-    file = tmp_path / "a.csv"
-    file.write_text("t,x,y,z\n0,0.3,0,0.4\n1,0.3,0.1,0.4\n")
-    done = inside("trajectory", "check", file, "--robot", "ur5", "--time-scaling", "1e9")
+def test_a_scaling_for_which_nobody_waits_is_refused(tmp_path):
+    text = "t,x,y,z\n0,0.3,0,0.4\n1,0.3,0.1,0.4\n"
+    done = checked(tmp_path, text, "--time-scaling", "1e9")
     assert done.code == 2
     assert "--time-scaling" in done.stderr
 
 
-def test_of_a_motion_in_space_the_extremes_are_told(tmp_path: Path):
+def test_of_a_motion_in_space_the_extremes_are_told(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("t,x,y,z\n0,0.3,0,0.4\n1,0.3,0.1,0.4\n1.5,0.3,-0.1,0.5\n")
     told = look(str(file), "ur5", "linear", 1.0, 0.0)
@@ -190,26 +187,20 @@ FORMATS = {
 
 
 @pytest.mark.parametrize("case", FORMATS)
-def test_another_format_is_refused_with_what_to_do(case, tmp_path: Path):
+def test_another_format_is_refused_with_what_to_do(case, tmp_path):
     text, word = FORMATS[case]
-    file = tmp_path / "a.csv"
-    file.write_text(text)
-    done = inside("trajectory", "check", file, "--robot", "ur5")
+    done = checked(tmp_path, text)
     assert done.code == 2
     assert word in done.stderr
 
 
-def test_a_marked_file_is_read(tmp_path: Path):
-    file = tmp_path / "a.csv"
-    file.write_bytes(b"\xef\xbb\xbft,elbow_joint\r\n0,1.6\r\n1,1.6\r\n")
-    assert inside("trajectory", "check", file, "--robot", "ur5").code == 0
+def test_a_marked_file_is_read(tmp_path):
+    assert checked(tmp_path, "\ufefft,elbow_joint\r\n0,1.6\r\n1,1.6\r\n").code == 0
 
 
-def test_a_jump_at_the_start_is_found(tmp_path: Path):
-    file = tmp_path / "a.csv"
-    file.write_text("t,shoulder_pan_joint,elbow_joint\n0,1.0,1.6\n2,1.0,1.6\n")
-    check = "trajectory", "check", file, "--robot", "ur5", "--json", "--approach"
-    done = inside(*check, "0")
+def test_a_jump_at_the_start_is_found(tmp_path):
+    text = "t,shoulder_pan_joint,elbow_joint\n0,1.0,1.6\n2,1.0,1.6\n"
+    done = checked(tmp_path, text, "--json", "--approach", 0)
     (found,) = done.json()["exceeded"]
     assert done.code == 1
     assert found["joint"] == "shoulder_pan_joint"
@@ -218,25 +209,22 @@ def test_a_jump_at_the_start_is_found(tmp_path: Path):
     assert found["value"] == pytest.approx(1.0)
     fits = done.json()["fits_with_approach_s"]
     assert fits > 0.0
-    assert inside(*check, str(fits)).code == 0
-    assert inside(*check, str(0.99 * fits)).code == 1
+    assert checked(tmp_path, text, "--approach", fits).code == 0
+    assert checked(tmp_path, text, "--approach", 0.99 * fits).code == 1
 
 
-def test_units_are_named_where_limits_are_exceeded_and_where_steps_are_long(tmp_path: Path):
-    file = tmp_path / "a.csv"
+def test_units_are_named_where_limits_are_exceeded_and_where_steps_are_long(tmp_path):
     for text, code, word in (
         ("t,shoulder_pan_joint\n0,0\n1,90\n2,0\n", 1, "degrees"),
         ("t,shoulder_pan_joint\n0,0\n1000,0.1\n2000,0\n", 0, "milliseconds"),
     ):
-        file.write_text(text)
-        done = inside("trajectory", "check", file, "--robot", "ur5", "--json")
+        done = checked(tmp_path, text, "--json")
         assert done.code == code
         assert any(word in hint for hint in done.json()["hints"])
 
 
-def test_a_motion_that_is_a_little_too_fast_is_not_taken_for_degrees(tmp_path: Path):
-    file = tmp_path / "a.csv"
-    file.write_text("t,shoulder_pan_joint\n0,0\n0.3,1\n2,0\n")
-    done = inside("trajectory", "check", file, "--robot", "ur5", "--approach", "0", "--json")
+def test_a_motion_that_is_a_little_too_fast_is_not_taken_for_degrees(tmp_path):
+    text = "t,shoulder_pan_joint\n0,0\n0.3,1\n2,0\n"
+    done = checked(tmp_path, text, "--approach", 0, "--json")
     assert done.code == 1
     assert done.json()["hints"] == []

@@ -42,61 +42,35 @@ def test_tokens_are_long_and_each_another():
     assert min(map(len, tokens)) >= 32
 
 
-@pytest.mark.parametrize(
-    ("host", "known"),
-    [
-        ("127.0.0.1:8080", True),
-        ("localhost:8080", True),
-        ("LOCALHOST:8080", True),
-        ("[::1]:8080", True),
-        ("127.0.0.1:8081", False),
-        ("127.0.0.1", False),
-        ("evil.example:8080", False),
-        ("localhost.evil.example:8080", False),
-        ("192.168.0.7:8080", False),
-        ("127.0.0.1:8080@evil.example", False),
-        ("127.0.0.1:8080, evil.example", False),
-        ("", False),
-        (":8080", False),
-        (None, False),
-    ],
-)
-def test_on_loopback_only_its_own_names_are_known(host, known):
-    assert Gate("t", "127.0.0.1", 8080).knows_host(host) is known
+LOCAL = "127.0.0.1:8080", "localhost:8080", "LOCALHOST:8080", "[::1]:8080"
+EVIL = "evil.example:8080", "localhost.evil.example:8080", "192.168.0.7.evil.example:8080"
+NONE = "", ":8080", None, "127.0.0.1:8080@evil.example", "127.0.0.1:8080, evil.example"
+OTHERS = "192.168.0.7:8080", "[fe80::1]:8080", f"{socket.gethostname()}:8080"
 
 
 @pytest.mark.parametrize(
-    ("host", "known"),
+    ("address", "host", "known"),
     [
-        ("192.168.0.7:8080", True),
-        ("[fe80::1]:8080", True),
-        (f"{socket.gethostname()}:8080", True),
-        ("localhost:8080", True),
-        ("evil.example:8080", False),
-        ("192.168.0.7.evil.example:8080", False),
+        *(("127.0.0.1", host, True) for host in LOCAL),
+        *(("127.0.0.1", host, False) for host in (*EVIL, *NONE, OTHERS[0])),
+        *(("127.0.0.1", host, False) for host in ("127.0.0.1:8081", "127.0.0.1")),
+        *(("0.0.0.0", host, True) for host in (*OTHERS, "localhost:8080")),
+        *(("0.0.0.0", host, False) for host in EVIL),
     ],
 )
-def test_elsewhere_addresses_are_known_and_strange_names_are_not(host, known):
-    assert Gate("t", "0.0.0.0", 8080).knows_host(host) is known
+def test_known_are_names_of_loopback_and_elsewhere_addresses_and_its_own_name(address, host, known):
+    assert Gate("t", address, 8080).knows_host(host) is known
 
 
 def test_the_standard_port_stands_in_no_host():
     assert Gate("t", "127.0.0.1", 80).knows_host("127.0.0.1")
-    assert not Gate("t", "127.0.0.1", 8080).knows_host("127.0.0.1")
 
 
-@pytest.mark.parametrize(
-    "origin",
-    [
-        None,
-        "null",
-        "http://evil.example",
-        "https://127.0.0.1:8080",
-        "http://127.0.0.1:8081",
-        "http://localhost:8080",
-        "http://127.0.0.1:8080/",
-    ],
-)
+STRANGE = None, "null", "http://evil.example", "https://127.0.0.1:8080"
+NEARLY = "http://127.0.0.1:8081", "http://localhost:8080", "http://127.0.0.1:8080/"
+
+
+@pytest.mark.parametrize("origin", [*STRANGE, *NEARLY])
 def test_a_page_from_elsewhere_is_none_of_ours(origin):
     gate = Gate("t", "127.0.0.1", 8080)
     assert gate.knows_origin(ORIGIN, "127.0.0.1:8080")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from support.command_bench import inside
 
-from hoap3.tools.cli.viewers.view import is_log
-from hoap3.tools.machine import extras
+from hoap3.tools.cli.viewers import is_log
+from hoap3.tools.machine import machine as extras
 from hoap3.tools.view.serve import warn_of
 
 

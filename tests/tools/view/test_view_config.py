@@ -6,26 +6,13 @@ import json
 
 import numpy as np
 import pytest
+from view_samples import HAND, UR5, config_of, posed, task
 
-import hoap3
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
 from hoap3.tools.view.picture.config_scene import ConfigScene
-from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.picture.targets import present
 
-UR5 = hoap3.load_robot("ur5")
-POSITION = {"name": "hand", "dimension": 3, "rates": 3, "layout": ["x", "y", "z"], "unit": "m"}
-
-
-def config_of(*tasks: object, **more: object) -> dict[str, object]:
-    return {"controller": "any", "parameters": {"tasks": list(tasks), **more}}
-
-
-def task(
-    kind: str, frame: str = "tool0", target: str = "hand", **more: object
-) -> dict[str, object]:
-    steered = {"kind": "live", "name": target}
-    return {"name": "it", "task": kind, "parameters": {"frame": frame, "target": steered, **more}}
+HOME = UR5.initial_position
 
 
 def test_the_frames_of_tasks_are_named_after_them():
@@ -36,56 +23,49 @@ def test_the_frames_of_tasks_are_named_after_them():
 
 def test_a_live_target_is_that_of_its_task():
     scene = ConfigScene(UR5, config_of(task("frame_position", reference="base")))
-    (target,) = scene.steered([POSITION])
+    (target,) = scene.steered([HAND])
     found = target.kind, target.frame, target.reference, target.dimension
     assert found == ("frame_position", "tool0", "base", 3)
 
 
-@pytest.mark.parametrize("name", ["steered_ur5"])
-def test_the_targets_of_a_shipped_config_are_found_where_the_controller_has_them(name):
-    content, file = read_config(name)
+def test_the_targets_of_a_shipped_config_are_found_where_the_controller_has_them():
+    content, file = read_config("steered_ur5")
     config = ControllerConfig(**content)
-    controller = build(config, UR5, file)
-    told = [live.as_json() for live in controller.live]
+    told = [live.as_json() for live in build(config, UR5, file).live]
     scene = ConfigScene(UR5, json.loads(config.model_dump_json()))
     targets = scene.steered(told)
     assert [(each.kind, each.frame, each.reference) for each in targets] == [
         ("frame_position", "tool0", "base")
     ]
-    poses = Poses(UR5)
-    poses.update(UR5.initial_position)
-    assert np.allclose(present(targets[0], poses, UR5.initial_position), poses.pose("tool0")[:3])
+    poses = posed(UR5, HOME)
+    assert np.allclose(present(targets[0], poses, HOME), poses.pose("tool0")[:3])
 
 
 def test_a_posture_is_in_the_order_of_its_layout():
     layout = list(reversed(UR5.joint_names))
     told = {"name": "arm", "dimension": 6, "rates": 6, "layout": layout, "unit": "rad"}
     (target,) = ConfigScene(UR5, config_of(task("posture", target="arm"))).steered([told])
-    poses = Poses(UR5)
     q = np.arange(6.0)
-    poses.update(q)
-    assert present(target, poses, q) == [5, 4, 3, 2, 1, 0]
+    assert present(target, posed(UR5, q), q) == [5, 4, 3, 2, 1, 0]
 
 
 @pytest.mark.parametrize(
     ("config", "told"),
     [
-        (None, POSITION),
-        ({}, POSITION),
-        ({"parameters": [1, 2]}, POSITION),
-        (config_of(task("frame_position", frame="nowhere")), POSITION),
-        (config_of(task("frame_position", reference="nowhere")), POSITION),
-        (config_of(task("frame_pose")), {**POSITION, "dimension": 5}),
-        (config_of(task("somebodys.module:Task")), POSITION),
-        (config_of(task("posture")), POSITION),
+        (None, HAND),
+        ({}, HAND),
+        ({"parameters": [1, 2]}, HAND),
+        (config_of(task("frame_position", frame="nowhere")), HAND),
+        (config_of(task("frame_position", reference="nowhere")), HAND),
+        (config_of(task("frame_pose")), {**HAND, "dimension": 5}),
+        (config_of(task("somebodys.module:Task")), HAND),
+        (config_of(task("posture")), HAND),
     ],
 )
 def test_what_is_not_understood_is_unknown(config, told):
     (target,) = ConfigScene(UR5, config).steered([told])
     assert target.kind == "unknown"
-    poses = Poses(UR5)
-    poses.update(UR5.initial_position)
-    assert present(target, poses, UR5.initial_position) is None
+    assert present(target, posed(UR5, HOME), HOME) is None
 
 
 @pytest.mark.parametrize(
@@ -121,10 +101,8 @@ def test_obstacles_and_planes_are_drawn_where_they_are():
 def test_the_axis_of_a_capsule_leads_from_end_to_end():
     ends = [[0.1, -0.2, 0.3], [0.4, 0.1, -0.5]]
     given = {"name": "bar", "shape": "capsule", "ends_m": ends, "radius_m": 0.1}
-    config = config_of(
-        constraints=[{"constraint": "distance", "parameters": {"obstacles": [given]}}]
-    )
-    (bar,) = ConfigScene(UR5, config).constraints()
+    constraint = {"constraint": "distance", "parameters": {"obstacles": [given]}}
+    (bar,) = ConfigScene(UR5, config_of(constraints=[constraint])).constraints()
     x, y, z, w = bar["origin"][3:]
     axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
     half = axis * bar["size"][1] / 2

@@ -6,20 +6,23 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from support.small_arm import arm
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link import zenoh_session
-from hoap3.protocol.messages import WIRE_VERSION, Event, State
+from hoap3.protocol.messages import Event, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
+from hoap3.tools.services.messages import ObserverResult
 from hoap3.tools.services.run import _join
 from hoap3.tools.services.run_statistics import RunStatistics
-from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
+from hoap3.tools.simulate import Lockstep
 from hoap3.tools.view.sources import live
 from hoap3.tools.view.sources.live import Live
 
@@ -60,10 +63,6 @@ class Network:
         now["tasks"] = {"tasks": [], "operator": None, "outcome": self.outcome}
         return json.dumps({"error": None, "now": now.get(verb, {})}).encode()
 
-    def ask_first(self, *given: Any) -> tuple[int, bytes | None]:
-        """As `ask`, and the version of the answer."""
-        return WIRE_VERSION, self.ask(*given)
-
     def session(self, _: Any, robot: str) -> Any:
         """As zenoh has it."""
         self.opened += 1
@@ -85,7 +84,6 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Network:
     made = Network()
     monkeypatch.setattr(zenoh_session, "ask", made.ask)
     monkeypatch.setattr(zenoh_session, "check_unique", lambda *_: None)
-    monkeypatch.setattr(zenoh_session, "ask_versions", made.ask_first)
     monkeypatch.setattr(zenoh_session, "open_session", made.session)
     monkeypatch.setattr(live, "ASK_S", 1e-3)
     return made
@@ -93,11 +91,8 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Network:
 
 @pytest.fixture
 def source(network: Network) -> Iterator[Live]:
-    made = Live(ROBOT.name, "tcp/127.0.0.1:7447")
-    try:
+    with closing(Live(ROBOT.name, "tcp/127.0.0.1:7447")) as made:
         yield made
-    finally:
-        made.close()
 
 
 def until(true: Callable[[], object]) -> None:
@@ -108,13 +103,28 @@ def until(true: Callable[[], object]) -> None:
         time.sleep(1e-3)
 
 
+def judged(network: Network, source: Live) -> dict[str, Any]:
+    """The verdicts of a State that comes after the robot was asked twice."""
+    source.watched = True
+    asked = network.asked.count("status")
+    until(lambda: network.asked.count("status") > asked + 2)
+    state = State.allocate(**ROBOT.state_lengths)
+    state.session_id = 7
+    network.send(state)
+    frame = source.frame()
+    assert frame is not None
+    return frame["verdicts"]
+
+
+def extra_label(source: Live) -> str:
+    return {plot["key"]: plot["label"] for plot in source.hello()["plots"]}["extra.0"]
+
+
 def labels(source: Live) -> list[str]:
     return [event["label"] for event in source.events()]
 
 
-def test_a_robot_that_is_another_one_is_met_again_until_it_says_who_it_is(
-    network: Network, source: Live
-) -> None:
+def test_a_robot_that_is_another_one_is_met_again_until_it_says_who_it_is(network, source):
     source.watched = True
     until(lambda: network.asked.count("status") > 2)
     version, before = source.version, source.frames
@@ -128,13 +138,10 @@ def test_a_robot_that_is_another_one_is_met_again_until_it_says_who_it_is(
     asked = network.asked.count("description")
     until(lambda: network.asked.count("status") > 20)
     assert network.asked.count("description") == asked
-    plots = {plot["key"]: plot["label"] for plot in source.hello()["plots"]}
-    assert plots["extra.0"] == "second"
+    assert extra_label(source) == "second"
 
 
-def test_who_sees_a_new_version_sees_what_it_is_of(
-    network: Network, source: Live, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_sees_a_new_version_sees_what_it_is_of(network, source, monkeypatch):
     seen: list[tuple[int, object]] = []
 
     class Watched(live.Frames):
@@ -153,9 +160,7 @@ def test_who_sees_a_new_version_sees_what_it_is_of(
     assert seen == [(version, before)]
 
 
-def test_a_robot_that_does_not_say_where_it_is_is_not_shown_and_told_once(
-    network: Network, source: Live
-) -> None:
+def test_a_robot_that_does_not_say_where_it_is_is_not_shown_and_told_once(network, source):
     state = State.allocate(**ROBOT.state_lengths)
     for tick, wrong in enumerate((0.0, math.nan, math.inf, 0.1), 1):
         state.session_id, state.tick, state.q[1] = 7, tick, wrong
@@ -167,50 +172,32 @@ def test_a_robot_that_does_not_say_where_it_is_is_not_shown_and_told_once(
     assert "number" in label
 
 
-def test_the_page_shows_the_verdicts_of_the_terminal(network: Network, source: Live) -> None:
+def test_the_page_shows_the_verdicts_of_the_terminal(network, source):
     recorded = MemoryRecorder()
-    sides = emulator_settings("hoap3", 0), controller_settings("pinv")
+    sides = load_emulator_config("hoap3", seed=0)[0], load_controller_config("pinv")[0]
     lockstep = Lockstep(*sides, recorded, NoRecorder())
     lockstep.run(1.0)  # pinv knows no limits: the robot holds a joint back
     statistics = RunStatistics(1_000_000, timing=False)
     for record in recorded.records:
         statistics.add(record)
     terminal = statistics.summary()
-    _join(terminal, {"outcome": lockstep.controller_loop.summary})
+    _join(terminal, ObserverResult("controller", outcome=lockstep.controller_loop.summary))
     network.counts = json.loads(json.dumps(lockstep.robot.summary()))
     network.outcome = lockstep.controller_loop.summary
-    source.watched = True
-    asked = network.asked.count("status")
-    until(lambda: network.asked.count("status") > asked + 2)
-    state = State.allocate(**ROBOT.state_lengths)
-    state.session_id = 7
-    network.send(state)
-    frame = source.frame()
-    assert frame is not None
-    shown = {key: each["verdict"] for key, each in frame["verdicts"].items()}
-    assert shown == terminal["verdicts"]
-    assert shown["limits_and_balance"] == "fail"
-    words = {key: each["words"] for key, each in frame["verdicts"].items()}
-    assert words == {key: terminal[key]["text"] for key in words}
+    verdicts = judged(network, source)
+    assert {key: each["verdict"] for key, each in verdicts.items()} == terminal["verdicts"]
+    assert verdicts["limits_and_balance"]["verdict"] == "fail"
+    assert all(each["words"] == terminal[key]["text"] for key, each in verdicts.items())
 
 
 @pytest.mark.parametrize("wrong", [None, "many", {"asked": "x"}, {"asked": 5, "in_time": None}])
-def test_a_robot_that_reports_nonsense_has_no_verdict(
-    wrong: object, network: Network, source: Live
-) -> None:
+def test_a_robot_that_reports_nonsense_has_no_verdict(wrong, network, source):
     network.counts, network.outcome = wrong, {"tasks": "none"}
-    source.watched = True
-    asked = network.asked.count("status")
-    until(lambda: network.asked.count("status") > asked + 2)
-    state = State.allocate(**ROBOT.state_lengths)
-    state.session_id = 7
-    network.send(state)
-    frame = source.frame()
-    assert frame is not None
-    assert {each["verdict"] for each in frame["verdicts"].values()} == {"not judged"}
+    verdicts = judged(network, source)
+    assert {each["verdict"] for each in verdicts.values()} == {"not judged"}
 
 
-def test_a_stop_goes_through_the_session_that_is_open(network: Network, source: Live) -> None:
+def test_a_stop_goes_through_the_session_that_is_open(network, source):
     assert source.stop()["mode"] == "active"
     assert network.asked[-1] == "stop"
     assert network.opened == 1
@@ -219,23 +206,17 @@ def test_a_stop_goes_through_the_session_that_is_open(network: Network, source: 
         source.stop()
 
 
-def test_who_came_between_the_start_and_the_first_look_is_met(
-    network: Network, source: Live
-) -> None:
+def test_who_came_between_the_start_and_the_first_look_is_met(network, source):
     network.extra, network.session_id = "second", 8
     source.watched = True
     until(lambda: source.version > 1)
-    plots = {plot["key"]: plot["label"] for plot in source.hello()["plots"]}
-    assert plots["extra.0"] == "second"
+    assert extra_label(source) == "second"
 
 
 @pytest.mark.parametrize("ours", [False, True])
-def test_numbers_are_asked_for_again_after_a_change_and_now_and_then(
-    ours: bool, network: Network, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numbers_are_asked_for_again_after_a_change_and_now_and_then(ours, network, monkeypatch):
     monkeypatch.setattr(live, "SHOW_S", 3600.0 if ours else 0.01)
-    source = Live(ROBOT.name, "tcp/127.0.0.1:7447")
-    try:
+    with closing(Live(ROBOT.name, "tcp/127.0.0.1:7447")) as source:
         source.watched = True
         assert [each["value"] for each in source.changeable()] == [0.5]
         until(lambda: network.asked.count("status") > 3)
@@ -244,13 +225,9 @@ def test_numbers_are_asked_for_again_after_a_change_and_now_and_then(
             source.changed(0.01)
         until(lambda: [each["value"] for each in source.changeable()] == [0.9])
         assert source.hello()["changeable"][0]["value"] == 0.9
-    finally:
-        source.close()
 
 
-def test_nonsense_of_a_controller_is_told_and_asked_again(
-    network: Network, source: Live, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nonsense_of_a_controller_is_told_and_asked_again(network, source, monkeypatch):
     tries: list[None] = []
 
     def meet() -> Any:
@@ -264,9 +241,7 @@ def test_nonsense_of_a_controller_is_told_and_asked_again(
     assert "nobody thought of it" in label
 
 
-def test_skipped_periods_are_told_when_they_were(
-    network: Network, source: Live, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_skipped_periods_are_told_when_they_were(network, source, monkeypatch):
     monkeypatch.setattr(live, "SKIPS_S", 3600.0)
     source._told_s = time.monotonic()
     event = Event()

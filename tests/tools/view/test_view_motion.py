@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import view_samples
+from view_samples import BOUNDS, HAND, config_of, posed, task
 
-import hoap3
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.references.live.live_plan import Bounds
+from hoap3.tools.picture.poses import Poses
 from hoap3.tools.view.picture.frame import Frames
 from hoap3.tools.view.picture.geometry import Looks
-from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.steering.hold import (
     braking_distance,
     multiplied,
@@ -22,37 +23,27 @@ from hoap3.tools.view.steering.hold import (
 )
 from hoap3.tools.view.steering.motion import Motion
 
-UR5 = hoap3.load_robot("ur5").model_copy(update={"state_arrays": {"reference_rate": 6}})
-BOUNDS = {"speed": [0.25] * 3, "acceleration": [1.0] * 3, "jerk": [20.0] * 3}
+UR5 = view_samples.UR5.model_copy(update={"state_arrays": {"reference_rate": 6}})
 TURNS = {"speed": [0.5] * 3, "acceleration": [2.0] * 3, "jerk": [40.0] * 3}
-HAND = {"name": "hand", "dimension": 3, "rates": 3, "layout": [*"xyz"], "unit": "m", **BOUNDS}
-TOOL = {
-    "name": "tool",
+POSE = {
     "dimension": 7,
     "rates": 6,
     "layout": [],
-    "unit": "m",
     **{key: BOUNDS[key] + TURNS[key] for key in BOUNDS},
 }
-ARM = {
-    "name": "arm",
-    "dimension": 6,
-    "rates": 6,
-    "layout": list(UR5.joint_names),
-    "unit": "rad",
-    **{key: [value] * 6 for key, value in (("speed", 0.5), ("acceleration", 2.0), ("jerk", 40.0))},
-}
+JOINTS = {"dimension": 6, "rates": 6, "layout": list(UR5.joint_names), "unit": "rad"}
+TARGETS = [
+    {**HAND, **BOUNDS},
+    {**HAND, **POSE, "name": "tool"},
+    {"name": "arm", **JOINTS, **{key: 2 * turns for key, turns in TURNS.items()}},
+]
 KINDS = {"hand": "frame_position", "tool": "frame_pose", "arm": "posture"}
 
 
 @pytest.fixture
 def frames() -> Frames:
-    tasks = [
-        {"task": kind, "parameters": {"frame": "tool0", "target": {"kind": "live", "name": name}}}
-        for name, kind in KINDS.items()
-    ]
-    config = {"parameters": {"tasks": tasks}}
-    return Frames(UR5, Looks({}), {"config": config, "targets": [HAND, TOOL, ARM]})
+    config = config_of(*(task(kind, target=name) for name, kind in KINDS.items()))
+    return Frames(UR5, Looks({}), {"config": config, "targets": TARGETS})
 
 
 @pytest.fixture
@@ -70,9 +61,7 @@ def motion(frames, state) -> Motion:
 
 
 def place(state: State) -> np.ndarray:
-    poses = Poses(UR5)
-    poses.update(state.reference)
-    return np.array(poses.pose("tool0"))
+    return np.array(posed(UR5, state.reference).pose("tool0"))
 
 
 def test_what_is_dragged_is_sent_once_and_the_newest_alone(motion):
@@ -105,25 +94,16 @@ def test_silence_at_rest_moves_nothing(motion):
     assert motion.is_gone(102.1)
 
 
-def test_a_hold_replaces_what_was_not_sent_yet(motion, state):
+@pytest.mark.parametrize("holds", [1, 2])  # the first is not sent yet when another one comes
+def test_a_hold_of_what_was_moved_alone_replaces_what_was_not_sent_yet(motion, state, holds):
     motion.drag("hand", [0.4, 0.5, 0.6], 100.0)
-    motion.hold()
-    assert np.allclose(motion.step(100.01)["hand"], place(state)[:3], atol=1e-9)
-
-
-def test_a_hold_that_is_not_sent_yet_outlives_another_one(motion, state):
-    motion.drag("hand", [0.4, 0.5, 0.6], 100.0)
-    motion.hold()
-    assert motion.waits
-    motion.hold()
-    assert np.allclose(motion.step(100.01)["hand"], place(state)[:3], atol=1e-9)
+    for _ in range(holds):
+        motion.hold()
+        assert motion.waits
+    held = motion.step(100.01)
+    assert held.keys() == {"hand"}
+    assert np.allclose(held["hand"], place(state)[:3], atol=1e-9)
     assert not motion.waits
-
-
-def test_only_what_was_moved_is_held(motion):
-    motion.drag("hand", [0.4, 0.5, 0.6], 100.0)
-    motion.hold()
-    assert motion.step(100.01).keys() == {"hand"}
 
 
 def test_a_velocity_leads_on_from_where_the_robot_is_for_150_ms(motion, state):
@@ -211,9 +191,7 @@ def test_a_hold_in_motion_is_ahead_by_the_braking_distance(frames, state):
     state_later.reference[:] = state.reference + dt * state.reference_rate
     end = place(state_later)
     velocity = (end - begin)[:3] / dt
-    expected = [
-        begin[i] + np.sign(v) * braking_distance(abs(v), 1, 20) for i, v in enumerate(velocity)
-    ]
+    expected = begin[:3] + [np.sign(v) * braking_distance(abs(v), 1, 20) for v in velocity]
     assert np.allclose(rest_of(hand, state, poses, None), expected, atol=1e-4)
     rest = rest_of(tool, state, poses, None)
     assert np.allclose(rest[:3], expected, atol=1e-4)
@@ -222,11 +200,8 @@ def test_a_hold_in_motion_is_ahead_by_the_braking_distance(frames, state):
     ways = [np.sign(w) * braking_distance(abs(w), 2.0, 40.0) for w in omega]
     aim = multiplied(of_rotation_vector(np.array(ways)), begin[3:])
     assert abs(aim @ rest[3:]) == pytest.approx(1.0, abs=1e-6)
-    joints = [
-        q + np.sign(v) * braking_distance(abs(v), 2.0, 40.0)
-        for q, v in zip(state.reference, state.reference_rate, strict=True)
-    ]
-    assert np.allclose(rest_of(arm, state, poses, None), joints, atol=1e-6)
+    ways = [np.sign(v) * braking_distance(abs(v), 2.0, 40.0) for v in state.reference_rate]
+    assert np.allclose(rest_of(arm, state, poses, None), state.reference + ways, atol=1e-6)
 
 
 def test_a_hold_goes_no_further_than_what_was_asked_for(frames, state):
@@ -243,14 +218,8 @@ def test_other_targets_of_the_controller_end_what_was_driven(frames, state):
     motion.begin(100.0)
     motion.drive("hand", [0.1, 0.0, 0.0], 100.0)
     assert motion.step(100.02).keys() == {"hand"}
-    task = {
-        "task": "frame_pose",
-        "parameters": {"frame": "tool0", "target": {"kind": "live", "name": "hand"}},
-    }
-    hand = {**TOOL, "name": "hand"}
-    present[0] = Frames(
-        UR5, Looks({}), {"config": {"parameters": {"tasks": [task]}}, "targets": [hand]}
-    )
+    about = {"config": config_of(task("frame_pose")), "targets": [{**HAND, **POSE}]}
+    present[0] = Frames(UR5, Looks({}), about)
     assert motion.step(100.04) == {}
     assert not motion.moves
     motion.drive("hand", [0.0, 0.0, 0.0, 0.0, 0.0, 0.1], 100.05)

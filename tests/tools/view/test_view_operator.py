@@ -9,8 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from view_samples import BOUNDS, HAND, UR5, config_of, task
 
-import hoap3
 from hoap3.protocol.errors import LinkError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.tools.view.picture.frame import Frames
@@ -18,17 +18,6 @@ from hoap3.tools.view.picture.geometry import Looks
 from hoap3.tools.view.steering import motion, operator
 from hoap3.tools.view.steering.operator import Operator
 
-UR5 = hoap3.load_robot("ur5")
-HAND = {
-    "name": "hand",
-    "dimension": 3,
-    "rates": 3,
-    "layout": [*"xyz"],
-    "unit": "m",
-    "speed": [0.25] * 3,
-    "acceleration": [1.0] * 3,
-    "jerk": [20.0] * 3,
-}
 PATIENCE_S = 60.0
 AIM = [0.4, 0.1, 0.3]
 
@@ -53,9 +42,12 @@ class NotingRobot:
             self.done.append(what)
             self.news.notify_all()
 
-    def acquire(self) -> list[Any]:
+    def wait(self) -> None:
         self.patient.set()
         assert self.let.wait(PATIENCE_S)
+
+    def acquire(self) -> list[Any]:
+        self.wait()
         self.note("acquire")
         return []
 
@@ -77,13 +69,11 @@ class NotingRobot:
         return {}
 
     def recover(self) -> dict[str, Any]:
-        self.patient.set()
-        assert self.let.wait(PATIENCE_S)
+        self.wait()
         return {"recovered": self.recovers, "mode": "active"}
 
     def change(self, what: dict[str, Any], **more: Any) -> dict[str, Any]:
-        self.patient.set()
-        assert self.let.wait(PATIENCE_S)
+        self.wait()
         return what
 
     def close(self) -> None:
@@ -94,13 +84,8 @@ class Stage:
     """An operator that runs, and what it told all pages."""
 
     def __init__(self) -> None:
-        tasks = [
-            {
-                "task": "frame_position",
-                "parameters": {"frame": "tool0", "target": {"kind": "live", "name": "hand"}},
-            }
-        ]
-        about = {"config": {"parameters": {"tasks": tasks}}, "targets": [HAND]}
+        config = config_of(task("frame_position"))
+        about = {"config": config, "targets": [{**HAND, **BOUNDS}]}
         state = State.allocate(**UR5.state_lengths)
         state.q[:] = state.reference[:] = UR5.initial_position
         self.robot, self.told = NotingRobot(), list[dict[str, Any]]()
@@ -122,6 +107,20 @@ class Stage:
             return self.robot
 
         self.operator = Operator(self.source, self.told.append, connect)
+
+    async def begin(self, page: str, **do: Any) -> asyncio.Task[dict[str, Any]]:
+        """Have a page ask for something that the robot lets wait."""
+        self.robot.let.clear()
+        asking = asyncio.create_task(self.operator.act(page, do))
+        await asyncio.to_thread(self.robot.patient.wait, PATIENCE_S)
+        return asking
+
+    async def drag_to_aim(self) -> None:
+        """Have a page become the operator and drag, until the robot is sent the target."""
+        told = await self.operator.act("page", {"verb": "acquire"})
+        assert told["targets"][0]["name"] == "hand"
+        assert self.operator.move("page", drag(AIM))
+        await self.until(lambda: self.robot.sent == [AIM])
 
     async def until(self, true: Callable[[], bool]) -> None:
         """Wait for news of the robot until something is so."""
@@ -163,10 +162,7 @@ def drag(values: list[float]) -> dict[str, Any]:
 
 def test_what_a_page_drags_is_sent_and_held_when_it_goes(play):
     async def story(stage: Stage) -> None:
-        told = await stage.operator.act("page", {"verb": "acquire"})
-        assert told["targets"][0]["name"] == "hand"
-        assert stage.operator.move("page", drag(AIM))
-        await stage.until(lambda: stage.robot.sent == [AIM])
+        await stage.drag_to_aim()
         stage.operator.left("page")
         await stage.until(lambda: "release" in stage.robot.done)
         assert stage.operator.says("page") == "none"
@@ -207,9 +203,7 @@ def test_a_hold_that_is_lost_on_its_way_is_sent_again_before_another_may_steer(
 
 def test_what_is_dragged_next_replaces_a_hold_that_is_lost(play):
     async def story(stage: Stage) -> None:
-        await stage.operator.act("page", {"verb": "acquire"})
-        stage.operator.move("page", drag(AIM))
-        await stage.until(lambda: stage.robot.sent == [AIM])
+        await stage.drag_to_aim()
         stage.robot.gets = False
         stage.operator.move("page", {"verb": "drop"})
         await stage.until(lambda: len(stage.robot.sent) > 1)
@@ -237,9 +231,7 @@ def test_a_page_that_is_silent_is_held_and_then_steers_no_longer(play, monkeypat
 
 def test_a_drop_that_is_followed_by_a_release_is_held(play):
     async def story(stage: Stage) -> None:
-        await stage.operator.act("page", {"verb": "acquire"})
-        stage.operator.move("page", drag(AIM))
-        await stage.until(lambda: stage.robot.sent == [AIM])
+        await stage.drag_to_aim()
         stage.operator.move("page", {"verb": "drop"})
         await stage.operator.act("page", {"verb": "release"})
 
@@ -269,11 +261,7 @@ def test_one_page_steers_at_a_time(play):
 
 def test_a_stop_waits_for_nothing_else_that_was_asked_for(play):
     async def story(stage: Stage) -> None:
-        stage.robot.let.clear()
-        change = asyncio.create_task(
-            stage.operator.act("page", {"verb": "change", "what": {"gamma": 1.0}})
-        )
-        await asyncio.to_thread(stage.robot.patient.wait, PATIENCE_S)
+        change = await stage.begin("page", verb="change", what={"gamma": 1.0})
         await stage.operator.act("other", {"verb": "stop"})
         assert stage.robot.done == ["stop"]
         stage.robot.let.set()
@@ -284,9 +272,7 @@ def test_a_stop_waits_for_nothing_else_that_was_asked_for(play):
 
 def test_a_page_that_goes_while_it_becomes_operator_leaves_nobody_operator(play):
     async def story(stage: Stage) -> None:
-        stage.robot.let.clear()
-        asking = asyncio.create_task(stage.operator.act("page", {"verb": "acquire"}))
-        await asyncio.to_thread(stage.robot.patient.wait, PATIENCE_S)
+        asking = await stage.begin("page", verb="acquire")
         asking.cancel()
         stage.operator.left("page")
         await asyncio.gather(asking, return_exceptions=True)
@@ -313,23 +299,16 @@ def test_a_lease_that_is_lost_is_told(play):
 
 def test_what_is_refused_says_why(play):
     async def story(stage: Stage) -> None:
-        for do in (
-            {"verb": "dance"},
-            {"verb": "change", "what": 3},
-            {"verb": "recover"},
-            {"verb": "release"},
-        ):
+        for verb in ("dance", "change", "recover", "release"):
             with pytest.raises(UsageError):
-                await stage.operator.act("page", do)
+                await stage.operator.act("page", {"verb": verb, "what": 3})
 
     play(story)
 
 
 def test_its_end_holds_what_moves(play):
     async def story(stage: Stage) -> None:
-        await stage.operator.act("page", {"verb": "acquire"})
-        stage.operator.move("page", drag(AIM))
-        await stage.until(lambda: stage.robot.sent == [AIM])
+        await stage.drag_to_aim()
 
     stage = play(story)
     assert len(stage.robot.sent) == 2
@@ -338,9 +317,7 @@ def test_its_end_holds_what_moves(play):
 
 def test_a_stop_needs_no_second_session_and_waits_for_no_recovery(play):
     async def story(stage: Stage) -> None:
-        stage.robot.let.clear()
-        recovery = asyncio.create_task(stage.operator.act("page", {"verb": "recover"}))
-        await asyncio.to_thread(stage.robot.patient.wait, PATIENCE_S)
+        recovery = await stage.begin("page", verb="recover")
         opened = stage.opened
         await stage.operator.act("page", {"verb": "stop"})
         assert stage.opened == opened
@@ -418,10 +395,11 @@ def test_whatever_fails_while_it_steers_ends_the_steering_alone(play, monkeypatc
 
 def test_a_controller_with_other_targets_while_a_page_drives_ends_nothing(play):
     async def story(stage: Stage) -> None:
+        drive = {"verb": "velocity", "name": "hand", "values": [0.1, 0, 0]}
         await stage.operator.act("page", {"verb": "acquire"})
-        stage.operator.move("page", {"verb": "velocity", "name": "hand", "values": [0.1, 0, 0]})
+        stage.operator.move("page", drive)
         await stage.until(lambda: "target" in stage.robot.done)
-        stage.operator.move("page", {"verb": "velocity", "name": "hand", "values": [0.1, 0, 0]})
+        stage.operator.move("page", drive)
         stage.source.frames = Frames(UR5, Looks({}), {})
         for _ in range(3):
             await asyncio.sleep(operator.TICK_S)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import math
@@ -33,6 +34,14 @@ def served() -> Iterator[Served]:
         yield server
 
 
+@pytest.fixture
+def pen(served: Served) -> Iterator[PagePen]:
+    """A page that has proved that it knows the token."""
+    with page(served.host, served.token) as found:
+        assert found.prove()
+        yield found
+
+
 def get(host: str, path: str, **headers: str) -> http.client.HTTPResponse:
     address, _, port = host.rpartition(":")
     connection = http.client.HTTPConnection(address, int(port), timeout=30)
@@ -45,14 +54,8 @@ def test_the_address_holds_the_token_where_no_request_does(served):
 
 
 def test_what_is_not_listed_is_not_there(served):
-    for path in (
-        "/..",
-        "/../access.py",
-        "//etc/passwd",
-        "/static/page.js",
-        "/%2e%2e/x",
-        "/page.py",
-    ):
+    outside = "/..", "/../access.py", "//etc/passwd", "/%2e%2e/x"
+    for path in (*outside, "/static/page.js", "/page.py"):
         assert get(served.host, path).status == 404
     served.source.meshes[DIGEST] = b"mesh"
     assert get(served.host, f"/mesh/{DIGEST}").read() == b"mesh"
@@ -63,9 +66,8 @@ def test_what_is_not_listed_is_not_there(served):
 def test_nothing_from_elsewhere_may_be_loaded_by_a_page(served):
     served.source.meshes[DIGEST] = b"mesh"
     answer = get(served.host, f"/mesh/{DIGEST}")
-    rules = dict(
-        rule.split(" ", 1) for rule in answer.headers["Content-Security-Policy"].split("; ")
-    )
+    policy = answer.headers["Content-Security-Policy"]
+    rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     assert rules["default-src"] == rules["frame-ancestors"] == "'none'"
     assert rules["script-src"] == rules["style-src"] == "'self'"
     assert rules["connect-src"] == f"'self' ws://{served.host}"
@@ -125,19 +127,17 @@ def test_who_proves_the_token_is_obeyed_and_nobody_else(served):
         assert len(served.operator.done) == 1
 
 
-def test_what_was_recorded_is_of_no_use(served):
-    with page(served.host, served.token) as pen:
-        assert pen.prove()
-        text = json.dumps({"verb": "stop"})
-        word = {"kind": "act", "id": 1, "mac": pen.mac(1, text), "do": text}
-        proof = {"kind": "prove", "proof": pen.code(pen.nonce + pen.origin)}
-        pen.say(**word)
-        assert pen.hear("told", id=1)["error"] is None
-        pen.say(**word)
-        assert pen.hear("told", id=1)["error"]
-        changed = {**word, "id": 2}
-        pen.say(**changed)
-        assert pen.hear("told", id=2)["error"]
+def test_what_was_recorded_is_of_no_use(served, pen):
+    text = json.dumps({"verb": "stop"})
+    word = {"kind": "act", "id": 1, "mac": pen.mac(1, text), "do": text}
+    proof = {"kind": "prove", "proof": pen.code(pen.nonce + pen.origin)}
+    pen.say(**word)
+    assert pen.hear("told", id=1)["error"] is None
+    pen.say(**word)
+    assert pen.hear("told", id=1)["error"]
+    changed = {**word, "id": 2}
+    pen.say(**changed)
+    assert pen.hear("told", id=2)["error"]
     with page(served.host) as thief:
         thief.say(**proof)
         assert not thief.hear("proved")["ok"]
@@ -157,12 +157,10 @@ def test_beats_count_for_who_knows_the_token(served):
         assert served.operator.beats == 1
 
 
-def test_targets_are_taken_in_their_order_however_fast_they_come(served):
-    with page(served.host, served.token) as pen:
-        pen.prove()
-        numbers = [pen.send(verb="target", name="hand", values=[i, 0, 0]) for i in range(100)]
-        for number in numbers:
-            assert pen.hear("told", id=number)["error"] is None
+def test_targets_are_taken_in_their_order_however_fast_they_come(served, pen):
+    numbers = [pen.send(verb="target", name="hand", values=[i, 0, 0]) for i in range(100)]
+    for number in numbers:
+        assert pen.hear("told", id=number)["error"] is None
     assert [do["values"][0] for do in served.operator.done] == list(range(100))
 
 
@@ -205,11 +203,9 @@ def test_a_word_that_is_none_is_answered_and_nothing_ends(served, word):
 
 
 @pytest.mark.parametrize("do", ["[]", "7", '{"verb": ["stop"]}', "{}", '{"verb": "dance"}'])
-def test_a_deed_that_is_none_is_answered(served, do):
-    with page(served.host, served.token) as pen:
-        pen.prove()
-        pen.say(kind="act", id=1, mac=pen.mac(1, do), do=do)
-        assert pen.hear("told", id=1)["error"]
+def test_a_deed_that_is_none_is_answered(served, pen, do):
+    pen.say(kind="act", id=1, mac=pen.mac(1, do), do=do)
+    assert pen.hear("told", id=1)["error"]
 
 
 def closed(pen: PagePen) -> None:
@@ -289,12 +285,8 @@ def test_a_port_that_is_taken_is_said_to_be():
         source, port = StillSource(), taken.getsockname()[1]
 
         async def serve() -> None:
-            import asyncio
-
             server = PageServer(source, None, None, "127.0.0.1", port)
             await server.run(asyncio.Event(), print)
-
-        import asyncio
 
         with pytest.raises(PortInUseError, match="--port"):
             asyncio.run(serve())
@@ -348,39 +340,35 @@ def test_a_place_of_a_log_that_cannot_be_read_ends_nothing(served, monkeypatch):
         assert seen.hear("frame")
 
 
-def test_whatever_fails_when_it_is_done_is_answered(served, monkeypatch):
+def test_whatever_fails_when_it_is_done_is_answered(served, pen, monkeypatch):
     async def fails(*_: object) -> None:
         raise ValueError("an operator that is broken")
 
     def breaks(*_: object) -> None:
         raise KeyError("no such name")
 
-    with page(served.host, served.token) as pen:
-        assert pen.prove()
-        with monkeypatch.context() as broken:
-            broken.setattr(served.operator, "act", fails)
-            assert "broken" in pen.act(verb="acquire")["error"]
-            broken.setattr(served.operator, "move", breaks)
-            assert "no such name" in pen.act(verb="target")["error"]
-        assert pen.act(verb="stop")["error"] is None
+    with monkeypatch.context() as broken:
+        broken.setattr(served.operator, "act", fails)
+        assert "broken" in pen.act(verb="acquire")["error"]
+        broken.setattr(served.operator, "move", breaks)
+        assert "no such name" in pen.act(verb="target")["error"]
+    assert pen.act(verb="stop")["error"] is None
 
 
 @pytest.mark.parametrize("verb", ["recover", "change", "acquire"])
-def test_what_was_asked_of_an_old_picture_is_refused(served, verb, monkeypatch):
+def test_what_was_asked_of_an_old_picture_is_refused(served, pen, verb, monkeypatch):
     monkeypatch.setattr(page_module, "OLD_S", 60.0)
-    with page(served.host, served.token) as pen:
-        assert pen.prove()
-        old = pen.look()
-        assert pen.act(verb=verb)["error"] is None
-        while pen.hear("frame")["tick"] == old:
-            pass
-        assert pen.act(verb=verb, tick=old)["error"] is None
-        monkeypatch.setattr(page_module, "OLD_S", 0.0)  # so long ago was it replaced at least
-        for tick in (old, None, -1, "1", [1], 1e99):
-            assert pen.act(verb=verb, tick=tick)["error"]
-        assert pen.act(verb="stop", tick=old)["error"] is None
-        monkeypatch.setattr(page_module, "OLD_S", 60.0)
-        assert pen.act(verb=verb)["error"] is None
+    old = pen.look()
+    assert pen.act(verb=verb)["error"] is None
+    while pen.hear("frame")["tick"] == old:
+        pass
+    assert pen.act(verb=verb, tick=old)["error"] is None
+    monkeypatch.setattr(page_module, "OLD_S", 0.0)  # so long ago was it replaced at least
+    for tick in (old, None, -1, "1", [1], 1e99):
+        assert pen.act(verb=verb, tick=tick)["error"]
+    assert pen.act(verb="stop", tick=old)["error"] is None
+    monkeypatch.setattr(page_module, "OLD_S", 60.0)
+    assert pen.act(verb=verb)["error"] is None
 
 
 def test_the_newest_picture_is_not_old_however_long_nothing_comes(served, monkeypatch):
@@ -397,7 +385,7 @@ def test_the_newest_picture_is_not_old_however_long_nothing_comes(served, monkey
         assert silent.act(verb="acquire", tick=None)["error"]
 
 
-def test_stops_wait_for_nothing_else_that_a_page_asked_for(served, monkeypatch):
+def test_stops_wait_for_nothing_else_that_a_page_asked_for(served, pen, monkeypatch):
     """Also not for as many things as may be asked for at once, and not for the page to stay."""
     let, loop = threading.Event(), served.loop
     plain = served.operator.act
@@ -406,14 +394,13 @@ def test_stops_wait_for_nothing_else_that_a_page_asked_for(served, monkeypatch):
         await loop.run_in_executor(None, let.wait, 60)
         return await plain(page, do)
 
-    with page(served.host, served.token) as pen:
-        assert pen.prove()
-        monkeypatch.setattr(served.operator, "act", slow)
-        for _ in range(page_module.MOST_AT_ONCE):
-            pen.send(verb="recover")
-        assert "not done yet" in pen.act(verb="recover")["error"]
-        pen.send(verb="stop")
-        assert pen.act(verb="dance")["error"]  # so the stop was heard
+    monkeypatch.setattr(served.operator, "act", slow)
+    for _ in range(page_module.MOST_AT_ONCE):
+        pen.send(verb="recover")
+    assert "not done yet" in pen.act(verb="recover")["error"]
+    pen.send(verb="stop")
+    assert pen.act(verb="dance")["error"]  # so the stop was heard
+    pen.socket.close()
     assert served.operator.gone.wait(30)
     let.set()
     deadline = time.monotonic() + 30

@@ -13,8 +13,8 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from hoap3.protocol.description import COM, RobotDescription
-from hoap3.tools.picture.solids import rotation_of
+from hoap3.protocol.robot.description import COM, RobotDescription
+from hoap3.remote_controller.constraints.collision.collision_geometry import axes_along, rotation
 from hoap3.tools.view.picture.geometry import Shape, pose
 
 MOST = 64  # tasks, constraints, or obstacles of one
@@ -192,7 +192,7 @@ class ConfigScene:
         if normal is None or not np.any(normal) or not _is_number(offset) or not link:
             return []
         normal = normal / np.linalg.norm(normal)
-        origin = pose(normal * float(offset), _axes_along(normal))
+        origin = pose(normal * float(offset), axes_along(normal))
         size = [2.0 * PLANE_M, 2.0 * PLANE_M, 0.002]
         return [{**_solid("box", size, origin), "link": link, "name": "half_space"}]
 
@@ -264,9 +264,8 @@ def _capsule(given: Mapping[str, Any]) -> Shape | None:
     first, second = (_triple(end) for end in ends)
     if first is None or second is None:
         return None
-    length = float(np.linalg.norm(second - first))
-    axes = _axes_along(second - first) if length > 0.0 else np.eye(3)
-    return _solid("capsule", [float(radius or 0.0), length], pose((first + second) / 2, axes))
+    size = [float(radius or 0.0), float(np.linalg.norm(second - first))]
+    return _solid("capsule", size, pose((first + second) / 2, axes_along(second - first)))
 
 
 def _box(given: Mapping[str, Any]) -> Shape | None:
@@ -274,16 +273,7 @@ def _box(given: Mapping[str, Any]) -> Shape | None:
     turned = _triple(given.get("rpy_rad", [0.0, 0.0, 0.0]))
     if center is None or size is None or turned is None:
         return None
-    return _solid("box", size.tolist(), pose(center, rotation_of(turned)))
+    return _solid("box", size.tolist(), pose(center, rotation(*turned)))
 
 
 _OBSTACLES = {"sphere": _sphere, "capsule": _capsule, "box": _box}
-
-
-def _axes_along(direction: Any) -> Any:
-    """Axes, (3, 3), whose z is a direction."""
-    z = direction / np.linalg.norm(direction)
-    aside = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = np.cross(aside, z)
-    x /= np.linalg.norm(x)
-    return np.stack((x, np.cross(z, x), z), axis=1)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.support.polygon import hull
-from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.picture.poses import Poses
 
 LEAST_N = 1e-3  # of a force that is drawn, and counts
 BEARS = 0.01  # least share of the vertical force of a sole that counts as standing

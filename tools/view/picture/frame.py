@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import COM, RobotDescription
+from hoap3.tools.picture.poses import Poses
 from hoap3.tools.view.picture.config_scene import ConfigScene
 from hoap3.tools.view.picture.contacts import Contacts
 from hoap3.tools.view.picture.geometry import Looks
-from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.picture.targets import all_present
 
 MODES = ("idle", "active", "stopping", "stopped")

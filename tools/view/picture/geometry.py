@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.constraints.collision.collision_geometry import rotation
 from hoap3.robot_emulator.robots.yaml_file import MeshEntry
 from hoap3.tools.picture.meshes import kept_meshes
-from hoap3.tools.picture.solids import rotation_of, solids_of
+from hoap3.tools.picture.solids import solids_of
 
 GREY = (0.62, 0.65, 0.70, 1.0)
 Shape = dict[str, Any]
@@ -105,7 +106,7 @@ def _mesh(entry: MeshEntry) -> Shape:
     return {
         "shape": "mesh",
         "size": list(entry.scale),
-        "origin": pose(np.array(entry.xyz_m), rotation_of(np.array(entry.rpy_rad))),
+        "origin": pose(np.array(entry.xyz_m), rotation(*entry.rpy_rad)),
         "color": list(GREY),
         "mesh": f"/mesh/{entry.sha256}",
     }

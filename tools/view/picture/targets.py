@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.tools.picture.poses import Poses
 from hoap3.tools.view.picture.config_scene import Steered
-from hoap3.tools.view.picture.kinematics import Poses
 
 
 def present(target: Steered, poses: Poses, q: FloatArray) -> list[float] | None:

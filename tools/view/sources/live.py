@@ -19,9 +19,9 @@ from typing import Any
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
 from hoap3.robot_emulator.robots import available
+from hoap3.tools.analysis.event_words import event_name, in_words, is_routine
+from hoap3.tools.analysis.verdicts import judge_reported, shown
 from hoap3.tools.services.client import check_name, client_settings
-from hoap3.tools.show.event_words import event_name, in_words, is_routine
-from hoap3.tools.show.verdicts import judge_reported, shown
 from hoap3.tools.view.picture.changeable import sliders
 from hoap3.tools.view.picture.frame import Frames, finite
 from hoap3.tools.view.picture.geometry import looks_of

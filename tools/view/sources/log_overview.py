@@ -18,9 +18,8 @@ import numpy as np
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.logs.indexed_log import IndexedLog
-from hoap3.tools.logs.log import NEVER_OURS
-from hoap3.tools.show.event_words import event_name, in_words, is_routine
+from hoap3.tools.analysis.event_words import event_name, in_words, is_routine
+from hoap3.tools.logs.log import NEVER_OURS, Log
 
 BINS = 600  # of each curve
 WORST = 10  # ticks that are named
@@ -46,7 +45,7 @@ class Overview:
         version: rises where `as_json` says more than before.
     """
 
-    def __init__(self, log: IndexedLog, zero: int, extras: int = 0) -> None:
+    def __init__(self, log: Log, zero: int, extras: int = 0) -> None:
         self._log, self._zero, self._extras = log, zero, extras
         self._begin, self._span = log.begin, max(log.end - log.begin, 1)
         self._curves: dict[str, np.ndarray[Any, Any]] = {}
@@ -104,7 +103,7 @@ class Overview:
         due, pause = time.monotonic() + NEWS_S, NEWS_S
         for chunk in range(self._log.chunks):
             began = time.monotonic()
-            records = self._log.records(chunk, keep=False)
+            records = self._log.chunk(chunk, keep=False)
             with self._lock:
                 try:
                     self._take(records)

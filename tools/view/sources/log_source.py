@@ -12,8 +12,8 @@ from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.robots import available
-from hoap3.tools.logs.indexed_log import IndexedLog
-from hoap3.tools.show.verdicts import judge_reported, shown
+from hoap3.tools.analysis.verdicts import judge_reported, shown
+from hoap3.tools.logs.log import Log
 from hoap3.tools.view.picture.frame import Frames, rounded
 from hoap3.tools.view.picture.geometry import looks_of
 from hoap3.tools.view.sources.log_overview import Overview
@@ -72,14 +72,14 @@ class ShownLog:
     def _first_active(self) -> tuple[int, int] | None:
         """Log time of the first active State near the begin, and ticks skipped before."""
         for chunk in range(min(HEAD, self.log.chunks)):
-            for record in self.log.records(chunk, keep=False):
+            for record in self.log.chunk(chunk, keep=False):
                 if record.kind == Kind.STATE:
                     mode, skipped = State.scalars(record.payload, "mode", "skipped")
                     if mode == State.ACTIVE:
                         return record.stamp, skipped
         return None
 
-    def _judge(self, law: IndexedLog | None) -> dict[str, dict[str, str]]:
+    def _judge(self, law: Log | None) -> dict[str, dict[str, str]]:
         """Return the verdicts on the run as the log states them: `report` derives its own."""
         robot = _summary(self.log) if self.log.side == "robot" else None
         outcome = None if law is None else _summary(law)
@@ -205,15 +205,15 @@ class LogPlayer:
         return {**found, "ghost": None if ghost is None else rounded(ghost["poses"])}
 
 
-def _sides(path: Path) -> tuple[IndexedLog, IndexedLog | None]:
+def _sides(path: Path) -> tuple[Log, Log | None]:
     """The robot's log, and the controller's beside it; or the only one that there is."""
     if not path.is_dir():
-        return IndexedLog(path), None
+        return Log.indexed(path), None
     found = []
     wrong: LogError | None = None
     for side in ("robot", "controller"):
         try:
-            found.append(IndexedLog(path, side))
+            found.append(Log.indexed(path, side))
         except LogError as error:
             wrong = wrong or error
     if not found:
@@ -221,19 +221,19 @@ def _sides(path: Path) -> tuple[IndexedLog, IndexedLog | None]:
     return found[0], found[1] if len(found) > 1 else None
 
 
-def _extra(law: IndexedLog) -> list[str]:
+def _extra(law: Log) -> list[str]:
     """Names of the controller's own columns."""
-    for record in law.records(0):
+    for record in law.chunk(0):
         if record.kind == Kind.SESSION:
             found = _body(record.payload).get("extra")
             return [str(name) for name in found] if isinstance(found, list) else []
     return []
 
 
-def _summary(log: IndexedLog) -> dict[str, Any] | None:
+def _summary(log: Log) -> dict[str, Any] | None:
     """The last summary of its end."""
     for chunk in range(log.chunks - 1, max(log.chunks - 1 - TAIL, -1), -1):
-        for record in reversed(log.records(chunk)):
+        for record in reversed(log.chunk(chunk)):
             if record.kind == Kind.SUMMARY:
                 return _body(record.payload)
     return None

@@ -13,10 +13,9 @@ from hoap3.protocol.answers import (
     parse_answer,
     parse_description,
 )
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError, WireError
 from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
-from hoap3.protocol.messages import WIRE_VERSION
+from hoap3.protocol.robot.description import RobotDescription
 
 Answer = dict[str, Any]
 
@@ -32,9 +31,9 @@ class Questions:
     """
 
     def __init__(self, session: Any, robot: str, who: str, endpoint: str) -> None:
-        from hoap3.protocol.link.zenoh_session import ask, ask_versions, check_unique
+        from hoap3.protocol.link.zenoh_session import ask, check_unique
 
-        self._put, self._put_first, self._session = ask, ask_versions, session
+        self._put, self._session = ask, session
         self._check_unique = check_unique
         self._robot, self._who, self._endpoint = robot, who, endpoint
 
@@ -43,21 +42,14 @@ class Questions:
 
         Raises:
             NameTakenError: several robots use the name.
-            LinkError: nothing answers, or in a version of the wire whose States are not shown.
+            LinkError: nothing answers.
             WireError: the answer makes no sense.
         """
-        given = self._session, self._robot, "description", self._who
         self._check_unique(self._session, self._robot)
-        version, raw = self._put_first(*given)
+        raw = self._put(self._session, self._robot, "description", self._who)
         if raw is None:
             look = f"`hoap3 list --live --connect {self._endpoint}`"
             raise LinkError(f"no robot called {self._robot!r} answers at {self._endpoint}: {look}")
-        if version != WIRE_VERSION:
-            raise LinkError(
-                f"robot {self._robot!r} speaks version {version} of the wire, which is not shown; "
-                "`hoap3 record` keeps what it does as a log, and `hoap3 view LOG` shows that. "
-                f"With a newer hoap3 on the robot it speaks version {WIRE_VERSION}"
-            )
         return parse_description(raw, self._robot)
 
     def status(self) -> Answer | None:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.tools.picture.poses import Poses
 from hoap3.tools.view.picture.config_scene import Steered
-from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.picture.targets import present
 
 STEP_S = 1e-4  # of the difference that velocities of frames are taken from

@@ -13,9 +13,9 @@ import numpy as np
 
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
+from hoap3.tools.picture.poses import Poses
 from hoap3.tools.view.picture.config_scene import Steered
 from hoap3.tools.view.picture.frame import Frames, finite
-from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.picture.targets import present
 from hoap3.tools.view.steering.hold import (
     conjugate,

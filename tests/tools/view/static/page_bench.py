@@ -35,9 +35,9 @@ TETRAHEDRON = struct.pack("<II", 4, 4) + (
 )
 
 
-def code(text: str) -> str:
-    """What Python's hmac makes of a text and the token."""
-    return hmac.new(TOKEN.encode(), text.encode(), hashlib.sha256).hexdigest()
+def code(text: str, key: str = TOKEN) -> str:
+    """What Python's hmac makes of a text and the token, or another key."""
+    return hmac.new(key.encode(), text.encode(), hashlib.sha256).hexdigest()
 
 
 def visual(shape: str, size: list[float], z: float = 0.0, color: Any = GREY) -> dict[str, Any]:
@@ -83,9 +83,7 @@ def hello(**more: Any) -> dict[str, Any]:
             {"name": "lift", "lower": -0.2, "upper": 1.8, "velocity": 2.0, "unit": "rad"},
             {"name": "roll", "lower": None, "upper": None, "velocity": 2.0, "unit": "rad"},
         ],
-        "soles": [
-            {"link": "base", "polygon": [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0]]},
-        ],
+        "soles": [{"link": "base", "polygon": [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0]]}],
         "targets": [
             {"name": "hand", "kind": "frame_pose", "frame": "tool", "reference": None},
             {"name": "aside", "kind": "frame_position", "frame": "tool", "reference": "base"},
@@ -199,8 +197,8 @@ class MadeUpView:
         """While the browser is busy, so that no question to it helps."""
         self._closed.wait(seconds)
 
-    def beats(self) -> int:
-        return sum(message["kind"] == "beat" for message in self.taken)
+    def heard(self, kind: str) -> list[dict[str, Any]]:
+        return [message for message in self.taken if message["kind"] == kind]
 
     def _static(self, connection: Any, request: Any) -> Any:
         if request.path == "/socket":
@@ -214,11 +212,13 @@ class MadeUpView:
         return self._file((STATIC / name).read_bytes(), kind or "application/octet-stream")
 
     def _file(self, content: bytes, kind: str) -> Any:
-        headers = Headers()
-        headers["Content-Type"] = kind
-        headers["Content-Length"] = str(len(content))
-        headers["Content-Security-Policy"] = POLICY
-        return Response(200, "OK", headers, content)
+        length = str(len(content))
+        headers = {
+            "Content-Type": kind,
+            "Content-Length": length,
+            "Content-Security-Policy": POLICY,
+        }
+        return Response(200, "OK", Headers(headers), content)
 
     def _talk(self, socket: Any) -> None:
         newest = 0
@@ -246,8 +246,7 @@ class MadeUpView:
         self.asked.append((time.monotonic(), do))
         if do["verb"] in {"acquire", "release"} and self.error is None:
             self.operator = "me" if do["verb"] == "acquire" else "none"
-        told = {"kind": "told", "id": number, "error": self.error, "now": None}
-        socket.send(json.dumps(told))
+        socket.send(json.dumps({"kind": "told", "id": number, "error": self.error, "now": None}))
 
     def _stream(self, socket: Any) -> None:
         tick = 0

@@ -12,7 +12,7 @@ npm ci --silent --no-audit --no-fund
 npx esbuild entry.js --bundle --minify --format=esm --target=es2022 --charset=utf8 --legal-comments=none \
   --outfile="$here/../vendor.js"
 npx esbuild node_modules/uplot/dist/uPlot.min.css --minify --legal-comments=none --outfile="$here/../vendor.css"
-for package in three uplot; do
+for package in @noble/hashes three uplot; do
   printf '%s %s, in vendor.js\n\n' "$package" "$(node -p "require('./node_modules/$package/package.json').version")"
   cat "node_modules/$package/LICENSE"
   printf '\n\n'

@@ -1,4 +1,4 @@
-// What of three.js and uPlot the page uses; whatever is not named here is left out of vendor.js.
+// What of the packages the page uses; whatever is not named here is left out of vendor.js.
 export {
   AmbientLight,
   ArrowHelper,
@@ -34,3 +34,6 @@ export {
 export { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 export { TransformControls } from "three/examples/jsm/controls/TransformControls.js";
 export { default as uPlot } from "uplot";
+export { hmac } from "@noble/hashes/hmac.js";
+export { sha256 } from "@noble/hashes/sha2.js";
+export { bytesToHex, utf8ToBytes } from "@noble/hashes/utils.js";

@@ -9,8 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from hoap3.protocol.errors import UnknownNameError
+from hoap3.tools.analysis.output import print_line
 from hoap3.tools.machine.processes import SERVICE_MB
-from hoap3.tools.show.output import print_line
 
 GROUPS = {
     "Run a robot and its controller": ("run", "emulator", "controller", "list"),

@@ -1,15 +1,74 @@
-"""The commands `hoap3 certs …`: who may do what with a robot."""
+"""Commands for services that run unattended: `service` and `certs`."""
 
 from __future__ import annotations
 
 from datetime import timedelta
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from hoap3.tools.cli.options import AsJson
-from hoap3.tools.show.output import print_json, print_line, print_note
+from hoap3.tools.analysis.output import print_line, print_note, print_result
+from hoap3.tools.cli.options import AsJson, Secure, Sets
+
+service_app = typer.Typer(no_args_is_help=True, help="Run emulator and controller by systemd.")
+
+
+class Side(StrEnum):
+    """Which service."""
+
+    emulator = "emulator"
+    controller = "controller"
+
+
+@service_app.callback()
+def _root() -> None:
+    """Run emulator and controller by systemd."""
+
+
+@service_app.command()
+def install(
+    side: Annotated[Side, typer.Argument(help="Which service.")],
+    config: Annotated[str, typer.Argument(help="Its config, or robot: a name or a path.")],
+    sets: Sets = [],  # noqa: B006 - typer's own way
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the unit; default: systemd's own.")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option("--name", help="Of the unit; default: hoap3-SIDE-CONFIG.")
+    ] = None,
+    user: Annotated[
+        str | None,
+        typer.Option("--as", help="User that it runs as; default: one that systemd makes for it."),
+    ] = None,
+    of_user: Annotated[
+        bool, typer.Option("--user", help="For your own systemd rather than the system's.")
+    ] = False,
+    secure: Secure = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the systemd unit of an emulator or a controller, and say how to start it."""
+    from hoap3.tools.services.systemd_unit import install as write
+
+    installed = write(
+        *(side.value, config, sets),
+        out=out,
+        name=name,
+        user=user,
+        of_user=of_user,
+        secure=secure,
+    )
+    found = {
+        "unit": str(installed.path),
+        "name": installed.name,
+        "command": installed.command,
+        "next": list(installed.next),
+    }
+    print_result(found, str(installed.path), as_json=as_json)
+    for command in () if as_json else installed.next:
+        print_note(f"next: {command}")
+
 
 certs_app = typer.Typer(
     no_args_is_help=True, help="Certificates of the secure profile, for a laboratory."
@@ -27,7 +86,7 @@ HERE = Path("certs")
 @certs_app.command()
 def init(folder: Folder = HERE, days: Days = 3650.0) -> None:
     """Make an authority. Its key, ca.key, decides who is let in: keep it off the robots."""
-    from hoap3.tools.certs.authority import init as make
+    from hoap3.tools.services.certificates import init as make
 
     print_line(str(make(folder, timedelta(days=days))))
 
@@ -47,7 +106,7 @@ def issue(
 
     Exit code 1: a robot's list is not in the authority's folder, or cannot be read.
     """
-    from hoap3.tools.certs.authority import issue as make
+    from hoap3.tools.services.certificates import issue as make
 
     place, changed, failed = make(folder, name, role, host or [], timedelta(days=days))
     print_line(str(place))
@@ -58,22 +117,19 @@ def issue(
 @certs_app.command("list")
 def list_all(folder: Folder = HERE, as_json: AsJson = False) -> None:
     """List the certificates: name, role, end, and whether each is valid."""
-    from hoap3.tools.certs.register import read_register
+    from hoap3.tools.services.certificates import read_register
 
     found = [each.as_json() for each in read_register(folder).certificates]
-    if as_json:
-        print_json({"certificates": found})
-        return
-    for each in found:
-        print_line(f"{each['name']} {each['role']} {each['expires'][:10]} {each['state']}")
-    if not found:
-        print_line("none")
+    lines = [
+        f"{each['name']} {each['role']} {each['expires'][:10]} {each['state']}" for each in found
+    ]
+    print_result({"certificates": found}, lines or "none", as_json=as_json)
 
 
 @certs_app.command()
 def renew(name: Name, host: Hosts = None, folder: Folder = HERE, days: Days = 365.0) -> None:
     """Make a new key and certificate for a name, with its role, and its hosts or other ones."""
-    from hoap3.tools.certs.authority import renew as make
+    from hoap3.tools.services.certificates import renew as make
 
     print_line(str(make(folder, name, timedelta(days=days), host or [])))
     print_note("copy it to its machine; a session that is open keeps the old one until it ends")
@@ -82,7 +138,7 @@ def renew(name: Name, host: Hosts = None, folder: Folder = HERE, days: Days = 36
 @certs_app.command()
 def revoke(name: Name, folder: Folder = HERE) -> None:
     """Take a name from the lists of all robots, for ever; exit code 1 where one is left."""
-    from hoap3.tools.certs.authority import revoke as take
+    from hoap3.tools.services.certificates import revoke as take
 
     changed, failed = take(folder, name)
     print_line(f"{name}: revoked")

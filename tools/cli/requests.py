@@ -1,15 +1,17 @@
-"""What running robots answer to `hoap3 stop`, `recover` and `status`."""
+"""Requests to a running robot: `stop`, `recover`, `status`, `change`."""
 
 from __future__ import annotations
 
-from typing import Any
+import json
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
-from hoap3.protocol.errors import Hoap3Error
-from hoap3.tools.machine.processes import to_people
-from hoap3.tools.machine.terminal import one_line
-from hoap3.tools.show.output import print_json, print_line
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.tools.analysis.output import print_json, print_line
+from hoap3.tools.cli.options import Connect, Secure, reached
+from hoap3.tools.machine.processes import one_line, to_people
 
 
 def show_answers(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
@@ -44,11 +46,15 @@ def show_answers(robot: str | None, verb: str, connect: str | None, as_json: boo
 
 
 def _show_answer(answer: dict[str, Any], connect: str | None, *, place: bool) -> None:
+    from hoap3.protocol.link.local_control import NOT_STARTED
     from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
 
     if answer.get("recovered") is False:
         return
     name = answer["robot"]
+    if answer["mode"] == "starting":
+        print_line(f"{name} {NOT_STARTED}")
+        return
     words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
     if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
         words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
@@ -83,3 +89,70 @@ def _tasks(answer: dict[str, Any], connect: str | None) -> list[dict[str, Any]] 
         return task_errors(*reach_robot(answer["robot"], connect))
     except Hoap3Error:  # Zenoh does not reach it
         return None
+
+
+_EXAMPLE = '\'{"order": ["foot", "com", "posture"]}\''
+
+
+def change(
+    request: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="KEY=VALUE of numbers that may change, such as gamma=0.8 over_s=1; or one JSON "
+            "object. Default: only show."
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="Robot that it controls. Default: the only one that runs."),
+    ] = None,
+    connect: Connect = None,
+    secure: Secure = None,
+) -> None:
+    """Change something in a controller that runs; its log has it, and a replay repeats it."""
+    from hoap3.tools.services import sent
+    from hoap3.tools.services.client import tool_client
+    from hoap3.tools.services.find_robot import reach_robot
+
+    content = _content(request or [])
+    with tool_client(*reach_robot(robot, reached(connect, secure))) as client:
+        if content is None:
+            print_json(client.control("show"))
+        else:
+            print_json(client.control("change", sent.request(content, {})))
+
+
+def _content(given: Sequence[str]) -> dict[str, Any] | None:
+    """What shall be otherwise; None where nothing is given.
+
+    Raises:
+        UsageError: neither a JSON object nor KEY=VALUE.
+    """
+    if not given:
+        return None
+    if len(given) > 1 or given[0].lstrip()[:1] not in {"{", "["}:
+        return _pairs(given)
+    try:
+        content = json.loads(given[0])
+    except ValueError as error:
+        raise UsageError(f"{given[0]!r:.60} is not JSON ({error})") from error
+    if not isinstance(content, dict):
+        raise UsageError(
+            f"{given[0]!r:.60} is no JSON object: write what the controller takes, such as "
+            f"gamma=0.8 with qp12, or {_EXAMPLE} with ghc_velocity"
+        )
+    return content
+
+
+def _pairs(given: Sequence[str]) -> dict[str, Any]:
+    from hoap3.protocol.config.settings import apply_overrides
+
+    content: dict[str, Any] = {}
+    for pair in given:
+        key, equals, _ = pair.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(
+                f"{pair!r:.60} is not KEY=VALUE, such as gamma=0.8: write so, or one JSON object"
+            )
+        content = apply_overrides(content, [pair])
+    return content

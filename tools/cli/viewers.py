@@ -1,25 +1,82 @@
-"""The commands `hoap3 bridge …`: a running robot in other people's viewers."""
+"""Commands that show a robot or a log to people and to other programs: `view`, `bridge`."""
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hoap3.tools.cli.options import AsJson, Connect, Secure, reached
+from hoap3.tools.analysis.output import print_line, print_note, print_result
+from hoap3.tools.cli.options import AsJson, Connect, Running, Secure, reached
 from hoap3.tools.machine.processes import StopFlag, to_people
-from hoap3.tools.show.output import print_json, print_line
 
 if TYPE_CHECKING:
     from hoap3.tools.bridge.robot_feed import Viewer
 
+
+def view(
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[ROBOT|LOG]",
+            help="Name of a running robot, or a log or the folder of a run. Default: the only "
+            "robot that runs.",
+        ),
+    ] = None,
+    second: Annotated[
+        Path | None, typer.Argument(metavar="[LOG]", help="A second log, drawn as a ghost.")
+    ] = None,
+    connect: Connect = None,
+    secure: Secure = None,
+    host: Annotated[
+        str, typer.Option("--host", help="Address to listen at; others than loopback are seen.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port to listen at; 0: any free one.")
+    ] = 8080,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="The robot's folder on this machine, for its meshes."),
+    ] = None,
+    no_steering: Annotated[
+        bool, typer.Option("--no-steering", help="Read only: pages cannot stop, change or steer.")
+    ] = False,
+) -> None:
+    """Show a running robot, or a log, in a browser; print the address of the page."""
+    from hoap3.tools.machine.machine import check_extra
+
+    check_extra("view")
+    from hoap3.tools.view.serve import serve_log, serve_robot, warn_of
+
+    logs = [Path(what)] if what is not None and is_log(what) else []
+    note = warn_of(host)
+    if note:
+        print_note(note)
+    if logs:
+        serve_log([*logs, *([second] if second else [])], host, port, robot, print_line)
+        return
+    if second is not None:
+        raise typer.BadParameter("a second log goes with a log, not with a robot")
+    from hoap3.tools.services.find_robot import reach_robot
+
+    name, endpoint = reach_robot(what, reached(connect, secure))
+    serve_robot(
+        *(name, endpoint, host, port, robot, print_line),
+        steering=not no_steering,
+    )
+
+
+def is_log(what: str) -> bool:
+    """Whether it names a log rather than a robot."""
+    path = Path(what)
+    return "/" in what or path.suffix == ".mcap" or any(path.glob("*.mcap"))
+
+
 bridge_app = typer.Typer(
     no_args_is_help=True, help="Show a running robot in Foxglove, PlotJuggler or ROS 2."
 )
-Running = Annotated[
-    str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
-]
 
 
 @bridge_app.command()
@@ -44,14 +101,11 @@ def foxglove(
     stop = StopFlag()
     from hoap3.tools.bridge.foxglove_server import FoxgloveServer
 
-    server = FoxgloveServer(host, port, steer=steer, report=to_people)
-    try:
+    with closing(FoxgloveServer(host, port, steer=steer, report=to_people)) as server:
         to_people(f"Foxglove: open ws://{host}:{server.port}")
         if steer:
             to_people("whoever reaches that port may steer, web pages of a browser here among them")
         _show(robot, reached(connect, secure), server, stop)
-    finally:
-        server.close()
 
 
 @bridge_app.command()
@@ -73,12 +127,9 @@ def ros2(
     stop = StopFlag()
     from hoap3.tools.bridge.ros2_publisher import Ros2Publisher
 
-    publisher = Ros2Publisher(listen, router, domain, namespace)
-    try:
+    with closing(Ros2Publisher(listen, router, domain, namespace)) as publisher:
         to_people(f"ROS 2: domain {domain}, {f'router {router}' if router else listen}")
         _show(robot, reached(connect, secure), publisher, stop)
-    finally:
-        publisher.close()
 
 
 @bridge_app.command()
@@ -93,10 +144,8 @@ def layouts(
     from hoap3.tools.bridge.layouts import write_layouts
 
     written = write_layouts(robot, out)
-    if as_json:
-        print_json({"layouts": [str(path) for path in written]})
-    else:
-        print_line("\n".join(map(str, written)))
+    names = [str(path) for path in written]
+    print_result({"layouts": names}, names, as_json=as_json)
 
 
 def _show(robot: str | None, connect: str | None, viewer: Viewer, stop: StopFlag) -> None:

@@ -1,20 +1,25 @@
-"""The command `hoap3 report`."""
+"""Commands that read a log: `report`, `verify`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from hoap3.tools.cli.options import AllowCode, AsJson
-from hoap3.tools.show.output import print_json, print_line, print_note, progress
+from hoap3.tools.analysis.output import print_json, print_line, print_note, print_result, progress
+from hoap3.tools.cli.options import AllowCode, AsJson, LogPath
 
 MOST_NAMED = 5  # false claims
 
 
 def report(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of a run, or one *.mcap.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG", help="Folder of a run, one *.mcap, or the folders of both services."
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option("--out", help="HTML file to write; default: report.html beside the log."),
@@ -23,19 +28,24 @@ def report(
         str | None,
         typer.Option(help="Name or folder of the robot, to draw it with the meshes there."),
     ] = None,
+    verify: Annotated[
+        bool, typer.Option("--verify/--no-verify", help="Recompute what the log claims.")
+    ] = True,
     allow_code: AllowCode = False,
     as_json: AsJson = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
-    from hoap3.tools.machine.extras import check_drawing
+    from hoap3.tools.machine.machine import check_extra
 
-    check_drawing()
-    from hoap3.tools.report.write import write_report
-    from hoap3.tools.show.certificate_count import in_a_line
-    from hoap3.tools.show.verdicts import NAMES, failed, in_words
+    check_extra("report")
+    from hoap3.tools.analysis.certificates import in_a_line
+    from hoap3.tools.analysis.report.page import write_report
+    from hoap3.tools.analysis.verdicts import NAMES, failed, in_words
 
+    log = logs[0]
+    options: dict[str, Any] = {"robot": robot, "allow_code": allow_code, "verify": verify}
     with progress(f"report {log}") as meter:
-        figures = write_report(log, out, meter.step, robot, allow_code=allow_code)
+        figures = write_report(*logs, out=out, say=meter.step, **options)
     if as_json:
         print_json(figures)
     else:
@@ -68,3 +78,20 @@ def report(
     incomplete = figures["damaged"] or figures["unreadable"] or figures["verified"]["unjudged"]
     untrue = figures["verified"]["verdict"] == "false"
     raise typer.Exit(1 if incomplete or untrue or failed(figures["verdicts"]) else 0)
+
+
+def verify(
+    log: LogPath,
+    allow_code: AllowCode = False,
+    as_json: AsJson = False,
+) -> None:
+    """Recompute what a log claims; exit code 1 unless all of it was recomputed, and holds."""
+    from hoap3.tools.verify.show import shown
+    from hoap3.tools.verify.verify import verify as judge
+
+    with progress(f"verify {log}") as meter:
+        found = judge(log, meter.step, repeat=True, allow_code=allow_code)
+    print_result(found.as_json(), shown(found), as_json=as_json)
+    if found.missing:
+        print_note(f"the log is not complete: {found.missing}")
+    raise typer.Exit(0 if found.true else 1)

@@ -1,1 +1,0 @@
-"""Commands that show a robot to people and to the programs of others."""
