@@ -20,7 +20,7 @@ from pages import Block, blocks
 from hoap3.tools.cli.app import command_line, main
 from hoap3.tools.cli.options import with_secure
 from hoap3.tools.compare.candidates import read_candidates
-from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
+from hoap3.tools.services import configs
 
 _ASSIGNMENT = re.compile(r"PYTHONPATH=(\S+)")
 
@@ -80,11 +80,10 @@ class Story:
         info = self._folder / f"{name}-{version}.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Name: {project['name']}\nVersion: {version}\n")
-        groups = [
-            "\n".join([f"[{group}]", *(f"{key} = {value}" for key, value in points.items())])
-            for group, points in project["entry-points"].items()
-        ]
-        (info / "entry_points.txt").write_text("\n".join(groups) + "\n")
+        lines = []
+        for group, points in project["entry-points"].items():
+            lines += [f"[{group}]", *(f"{key} = {value}" for key, value in points.items())]
+        (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
         self._installed = True
 
     def _run(self, command: str) -> int:
@@ -150,17 +149,16 @@ def check(command: str) -> None:
     if rest in (["--help"], ["--version"]):
         return
     values = parser.make_context(name, rest).params
-    sets = with_secure(
-        values.get("sets") or [], values.get("secure"), insecure=values.get("insecure", False)
-    )
+    sets, open_ = values.get("sets") or [], values.get("insecure", False)
+    sets = with_secure(sets, values.get("secure"), insecure=open_)
     if name == "run":
-        ours, theirs = split_overrides(sets)
-        law, _ = controller_config(values["controller"], theirs)
-        emulator_config(values["robot"] or law.robot, ours)
+        ours, theirs = configs.split_overrides(sets)
+        law, _ = configs.load_controller_config(values["controller"], theirs)
+        configs.load_emulator_config(values["robot"] or law.robot, ours)
     elif name == "emulator":
-        emulator_config(values["config"], sets)
+        configs.load_emulator_config(values["config"], sets)
     elif name == "controller":
-        controller_config(values["config"], sets)
+        configs.load_controller_config(values["config"], sets)
     elif name == "compare":
         read_candidates(values["controllers"])
 

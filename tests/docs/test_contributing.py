@@ -10,7 +10,8 @@ import sys
 import pytest
 from support import HOUSE
 
-ROOMS = ("protocol", "remote_controller", "robot_emulator", "tools", "tests", "docs", "hoap3")
+ROOMS = "protocol", "remote_controller", "robot_emulator", "tools", "hoap3"
+BESIDE = "benchmarks", "tests", "docs"
 TESTS = "tests/remote_controller"
 TASK, CONSTRAINT = 0, 1
 
@@ -23,26 +24,19 @@ def patch(which: int) -> str:
     return found[which]
 
 
-@pytest.mark.parametrize("which", [TASK, CONSTRAINT])
-def test_what_is_new_touches_three_places_at_most(which):
-    assert len(re.findall(r"^\+\+\+ ", patch(which), flags=re.MULTILINE)) <= 3
-
-
 @pytest.fixture
 def run(tmp_path):
     """Run a command in a copy of the checkout; what it says."""
     copy = tmp_path / "checkout"
     copy.mkdir()
-    for room in ROOMS:
-        shutil.copytree(
-            HOUSE / room, copy / room, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
-        )
+    ignore = shutil.ignore_patterns("__pycache__")
+    for room in (*ROOMS, *BESIDE):
+        shutil.copytree(HOUSE / room, copy / room, symlinks=True, ignore=ignore)
     shutil.copy(HOUSE / "pyproject.toml", copy)
 
     def told(*command: str, text: str | None = None) -> str:
-        done = subprocess.run(
-            command, cwd=copy, input=text, capture_output=True, text=True, check=False
-        )
+        said = {"capture_output": True, "text": True}
+        done = subprocess.run(command, cwd=copy, input=text, check=False, **said)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
@@ -56,7 +50,7 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rA")
 def test_a_new_task_is_tested_from_the_start(run):
     """Every suite of tasks tries it, and passes; kernels are compiled anew in the copy."""
     run("git", "apply", "-C1", text=patch(TASK))
-    run(sys.executable, "-m", "docs.tables.tasks_table")
+    run(sys.executable, "-m", "benchmarks.tables.tasks_table")
     words = "joint_pair or two and joints or is_tried or up_to_date or beside_each_other"
     told = run(*PYTEST, f"{TESTS}/tasks", "-k", words)
     for suite in ("task_properties", "task_derivatives", "task_rows", "task_levels"):
@@ -68,7 +62,7 @@ def test_a_new_task_is_tested_from_the_start(run):
 def test_a_new_constraint_is_tested_from_the_start(run):
     """Every suite of constraints tries it, and passes."""
     run("git", "apply", "-C1", text=patch(CONSTRAINT))
-    run(sys.executable, "-m", "docs.tables.constraints_table")
+    run(sys.executable, "-m", "benchmarks.tables.constraints_table")
     told = run(*PYTEST, f"{TESTS}/constraints", "-k", "least_height or up_to_date")
     for suite in ("constraint_properties", "viable_steps", "constraint_levels"):
         assert re.search(rf"PASSED .*test_{suite}\.py::.*least_height", told), told

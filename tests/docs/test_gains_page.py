@@ -13,29 +13,15 @@ from pages import page, table
 from hoap3.protocol.config.settings import load_yaml
 from hoap3.remote_controller.config import CONFIGS
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS, FIGURES, SLOW
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.sdp.sdp_gains import PATHS, SdpGains
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.show.certificate_count import CertificateCount, in_a_line
+from hoap3.tools.analysis.certificates import CertificateCount, in_a_line
 from hoap3.tools.simulate import simulate
 
 PAGE = "gains.md"
 START = {"robot": "ur5", "posture": "outstretched"}
-
-
-def test_every_condition_column_and_path_is_named():
-    text = page(PAGE).replace("\n", " ")
-    for name in (*CONDITIONS, SLOW, *FIGURES):
-        assert f"`{name}`" in text, name
-    for number, name in enumerate(PATHS):
-        assert f"{number} `{name}`" in text, name
-
-
-def test_every_shipped_config_is_shown():
-    for path in CONFIGS.glob("clik*.yaml"):
-        assert f"--controller {path.stem} " in page(PAGE), path.stem
 
 
 def settings(name: str, **parameters):
@@ -81,17 +67,15 @@ def test_bounds_that_are_too_narrow_cost_certificates():
         run = simulate(START, settings("clik_sdp_ur5", bounds=bounds), 3.0)
         return float((run.setpoints["solver_status"] == STATUS["certified"]).mean())
 
-    (share, wide, narrow) = said(
-        r"in (\d+) % of its cycles with (\d+) rad/s², and in half .*? with (\d)"
-    )
+    pattern = r"in (\d+) % of its cycles with (\d+) rad/s², and in half .*? with (\d)"
+    share, wide, narrow = said(pattern)
     assert certified(wide) == pytest.approx(0.01 * share, abs=0.01)
     assert certified(narrow) == pytest.approx(0.5, abs=0.1)
 
 
 def test_the_humanoid_is_cut_to_its_bounds_at_the_start_as_often_as_the_page_says():
-    cut, rises = said(
-        r"has (\d+) such cycles in its first tenth of a second, and in (\d+) of them V"
-    )
+    pattern = r"has (\d+) such cycles in its first tenth of a second, and in (\d+) of them V"
+    cut, rises = said(pattern)
     run = simulate("humanoid32", "clik_sdp_humanoid", 0.1)
     held = run.setpoints["margin"] <= 0.0
     held &= run.setpoints["solver_status"] == STATUS["uncertified"]
@@ -101,18 +85,14 @@ def test_the_humanoid_is_cut_to_its_bounds_at_the_start_as_often_as_the_page_say
 
 
 def test_weights_of_one_are_told_as_the_page_says():
-    n, certified, slow, words = re.search(
-        r"`(\d+) of (\d+) answers certified, (\d+) with ([a-z ]+)`", page(PAGE)
-    ).groups()
+    (told,) = re.findall(r"`(\d+ of \d+ answers certified, \d+ with [a-z ]+)`", page(PAGE))
     config = settings("clik_sdp_hoap3")
     for task in config["parameters"]["tasks"]:
         task["weight"] = 1.0
     count = CertificateCount()
     for record in simulate("hoap3", config, 0.5).records:
         count.add(record)
-    assert (
-        in_a_line(count.figures()) == f"{n} of {certified} answers certified, {slow} with {words}"
-    )
+    assert in_a_line(count.figures()) == told
 
 
 def beta_of(config, robot, q, order=(0, 1, 2), weights=None) -> float:
@@ -129,7 +109,8 @@ def beta_of(config, robot, q, order=(0, 1, 2), weights=None) -> float:
         errors.append(-function.error)
     sizes = [each.size for each in errors]
     each = [task["weight"] for task in tasks] if weights is None else weights
-    solver = SdpGains(sizes, robot.n, weights=np.repeat(each, sizes))
+    solver = SdpGains(sizes, robot.n)
+    solver.weights[:] = np.repeat(each, sizes)
     desired = config["parameters"]["beta_per_s"]
     solver.solve(np.vstack(rows), np.concatenate(errors), robot.period_s, desired)
     return solver.beta

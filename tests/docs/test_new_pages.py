@@ -9,36 +9,18 @@ from hoap3.tools.new.package import render
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "page", "shown", "written"),
+    ("kind", "name", "page", "shown"),
     [
-        (
-            "controller",
-            "posture",
-            "writing_a_controller.md",
-            "posture_control.py",
-            "src/posture.py",
-        ),
-        ("task", "reach", "writing_a_task.md", "reach.py", "src/reach.py"),
-        (
-            "constraint",
-            "least_height",
-            "writing_a_constraint.md",
-            "least_height.py",
-            "src/least_height.py",
-        ),
-        ("plant", "springs", "plants.md", "springs.py", "src/springs.py"),
-        (
-            "robot",
-            "bench_arm",
-            "new_robot.md",
-            "bench_arm/bench_arm.urdf",
-            "src/bench_arm/bench_arm.urdf",
-        ),
+        ("controller", "posture", "writing_a_controller.md", "posture_control.py"),
+        ("task", "reach", "writing_a_task.md", "reach.py"),
+        ("constraint", "least_height", "writing_a_constraint.md", "least_height.py"),
+        ("plant", "springs", "plants.md", "springs.py"),
+        ("robot", "bench_arm", "new_robot.md", "bench_arm/bench_arm.urdf"),
     ],
 )
-def test_a_page_shows_what_is_written(kind, name, page, shown, written):
+def test_a_page_shows_what_is_written(kind, name, page, shown):
     (block,) = [each for each in blocks(page) if (each.word, each.rest) == ("file", shown)]
-    assert block.text == render(kind, name)[written]
+    assert block.text == render(kind, name)[f"src/{shown.replace('_control', '')}"]
 
 
 def test_the_robot_that_is_written_has_a_default_task_beside_what_the_page_shows():

@@ -16,8 +16,9 @@ from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.settings import json_schema
-from hoap3.tools.simulate import controller_settings, emulator_settings, simulate
+from hoap3.tools.simulate import simulate
 
 ROOT = CONFIGS.resolve().parents[1]
 NAMES = sorted(path.stem for path in CONFIGS.glob("*.yaml"))
@@ -36,14 +37,12 @@ def test_commands_in_their_comments_work(name):
         assert schema == "schema"
         content = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8"))
         assert kind == content["controller"]
-        assert (
-            content["parameters"].keys()
-            <= json_schema(kind)["properties"]["parameters"]["properties"].keys()
-        )
+        parameters = json_schema(kind)["properties"]["parameters"]["properties"]
+        assert content["parameters"].keys() <= parameters.keys()
 
 
 @pytest.mark.parametrize("name", ["stable_qp_hoap3", "com_tracking"])
-def test_the_left_foot_moves_as_their_comments_say(name):
+def test_the_left_foot_moves(name):
     robot = load("hoap3")
     kinematics = Kinematics(robot)
     left, right = (kinematics.frame_id(f"{side}_sole") for side in "lr")
@@ -52,16 +51,14 @@ def test_the_left_foot_moves_as_their_comments_say(name):
     for q, place in zip(states["q"][[0, -1]], places, strict=True):
         kinematics.update(q)
         kinematics.frame(left, right, place, np.empty((3, 3)), np.empty((6, robot.n)))
-    moves = np.linalg.norm(places[1] - places[0]) > 1e-3
-    assert moves
-    assert moves == ("Nothing holds the left" in comments(name))
+    assert np.linalg.norm(places[1] - places[0]) > 1e-3
 
 
 def test_the_change_that_the_readme_shows_is_taken_by_the_config_that_it_names():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     request, name = re.search(r"`hoap3 change '(\{.*?\})'` \(with `(\w+)`\)", readme).groups()
-    robot = describe(emulator_settings("hoap3", 0))
-    controller = build(controller_settings(name), robot)
+    robot = describe(load_emulator_config("hoap3", seed=0)[0])
+    controller = build(load_controller_config(name)[0], robot)
     state = State(robot.n)
     state.mode = State.ACTIVE
     state.q[:] = state.reference[:] = robot.initial_position

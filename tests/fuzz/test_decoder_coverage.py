@@ -13,7 +13,6 @@ from support import HOUSE
 
 DECODERS = (
     "protocol/messages.py",
-    "protocol/wire_versions.py",
     "protocol/link/hoap3_tcp/frames.py",
     "robot_emulator/setpoint_validator.py",
     "remote_controller/steering.py",

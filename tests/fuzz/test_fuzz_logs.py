@@ -27,16 +27,15 @@ from fuzzing import (
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.report.content import read_content
+from hoap3.tools.analysis.report.page import write_report
 from hoap3.tools.logs.export import export
-from hoap3.tools.logs.indexed_log import IndexedLog
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.logs.log_format import CHANNELS, pack_string, unpack_string
 from hoap3.tools.logs.mcap_scan import McapMessage, McapScan
 from hoap3.tools.logs.mcap_write import McapFile
 from hoap3.tools.logs.repair import repair
 from hoap3.tools.replay import replay
-from hoap3.tools.report.content import read_content
-from hoap3.tools.report.write import write_report
 from hoap3.tools.verify.verify import verify
 from hoap3.tools.view.sources.log_overview import Overview
 from hoap3.tools.view.sources.log_source import LogSource
@@ -71,7 +70,7 @@ def repaired(path: Path) -> None:
 
 def viewed(path: Path) -> None:
     """As the page shows it: its frames, and the whole at a glance."""
-    log = IndexedLog(path)
+    log = Log.indexed(path)
     overview = Overview(log, log.begin, 2)
     overview._run()  # what its thread does
     json.dumps(overview.as_json())
@@ -91,7 +90,7 @@ def reported(path: Path) -> None:
 
 
 def drawn(path: Path) -> None:
-    write_report(path, path.with_suffix(".html"))
+    write_report(path, out=path.with_suffix(".html"))
 
 
 READERS: dict[str, Callable[[Path], object]] = {

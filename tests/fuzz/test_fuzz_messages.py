@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from fuzzing import amount, bounded
 from wire_mutations import any_message, setpoint, target
-from wire_rules import ARRAYS, SetpointRules, TargetRules, fault, numbers, read
+from wire_rules import SetpointRules, TargetRules, fault, numbers, read
 
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
-from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 from hoap3.remote_controller.references.live.live import Live, Turning
 from hoap3.remote_controller.references.live.live_plan import Bounds
 from hoap3.remote_controller.steering import REFUSALS, Steering
@@ -91,35 +90,6 @@ def _stays_or_is(kept: Message, payload: bytes, due: str) -> None:
     else:
         assert not due
         assert kept.dump() == payload
-
-
-@amount(150, 50_000)
-def test_messages_of_version_1_come_back_as_they_were(count: int) -> None:
-    draw, outcomes = random.Random(count), Counter[str]()
-    for _ in range(count):
-        kind = draw.choice(("State", "Setpoint", "Event"))
-        payload = any_message(draw, kind)
-        if kind == "Event":  # which is as it was
-            assert downgraded(Event, payload) == upgraded(Event, payload) == payload
-            continue
-        try:
-            old = downgraded(MESSAGES[kind], payload)
-        except WireError:
-            assert fault(kind, payload) == "size"
-            outcomes["size"] += 1
-            continue
-        outcomes["taken"] += 1
-        new = upgraded(MESSAGES[kind], old)
-        if fault(kind, payload):
-            continue
-        assert int.from_bytes(old[4:8], "little") == OLDEST
-        assert not fault(kind, new)
-        assert upgraded(MESSAGES[kind], new) == new
-        found = read(kind, new)
-        assert found is not None
-        first = ARRAYS[kind][:5] if kind == "State" else ARRAYS[kind][:2]
-        assert {name for name, (_, length) in found[1].items() if length} <= set(first)
-    assert min(outcomes["size"], outcomes["taken"]) > 0
 
 
 @pytest.mark.parametrize("delayed", [False, True])

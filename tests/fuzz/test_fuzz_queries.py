@@ -84,8 +84,8 @@ def test_a_robot_answers_every_query(
     whos = ["a", "b", "test"]
 
     def decode(given: bytes) -> None:
-        verb, who, body, present, version, local = asked
-        answers = bench.link.ask(verb, who, body, present=present, version=version, local=local)
+        verb, who, body, present, local = asked
+        answers = bench.link.ask(verb, who, body, present=present, local=local)
         bench.ticker.wait()
         bench.robot.step(bench.ticker)
         if len(answers) != 1:
@@ -105,7 +105,6 @@ def test_a_robot_answers_every_query(
             strange_text(draw, whos)[:64],
             body * (draw.choice((1, 1, 1, 400)) if len(body) < 1000 else 1),
             draw.random() < 0.8,
-            draw.choice((1, 2, 2)),
             draw.random() < 0.1,
         )
         findings.judge(decode, repr((*asked[:2], body[:1000], *asked[3:])))

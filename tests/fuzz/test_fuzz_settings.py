@@ -18,7 +18,11 @@ from fuzzing import (
 )
 
 from hoap3.protocol.config.user_code import user_code
-from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
+from hoap3.tools.services.configs import (
+    load_controller_config,
+    load_emulator_config,
+    split_overrides,
+)
 from hoap3.tools.services.settings import checked
 
 CONTROLLERS, EMULATORS = corpus("controllers"), corpus("emulators")
@@ -50,8 +54,8 @@ def test_a_config_is_taken_or_refused(
 ) -> None:
     draw, path = random.Random(f"{side} {count}"), tmp_path / "mutated.yaml"
     files, read = {
-        "controller": (CONTROLLERS, controller_config),
-        "emulator": (EMULATORS, emulator_config),
+        "controller": (CONTROLLERS, load_controller_config),
+        "emulator": (EMULATORS, load_emulator_config),
     }[side]
 
     def decode(data: bytes) -> None:
@@ -107,8 +111,8 @@ def test_an_override_is_taken_or_refused(
         realtime = draw.random() < 0.5
         with user_code(allowed=False):
             for side in split_overrides([f"emulator.{each}" for each in overrides]):
-                emulator_config("lwr_with_table", side, realtime=realtime)
-            controller_config(
+                load_emulator_config("lwr_with_table", side, realtime=realtime)
+            load_controller_config(
                 draw.choice(("stable_qp", "ghc_velocity")), overrides, realtime=realtime
             )
 

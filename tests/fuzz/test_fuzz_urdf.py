@@ -21,7 +21,7 @@ from fuzzing import (
 from hoap3.protocol.answers import parse_description
 from hoap3.protocol.errors import UrdfWarning
 from hoap3.protocol.robot.pinocchio_model import build_model
-from hoap3.protocol.urdf import read_urdf
+from hoap3.protocol.robot.urdf import read_urdf
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hoap3.protocol.description import Joint, RobotDescription
+from hoap3.protocol.robot.description import Joint, RobotDescription
 
 URDF = """<?xml version="1.0"?>
 <robot name="arm3">

@@ -18,12 +18,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
+from unittest.mock import patch
 
 import numpy as np
 
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis import result_folder
 from hoap3.tools.cli.app import main
 from hoap3.tools.logs.log import Log
 
@@ -33,6 +36,7 @@ PATIENCE_S = 120.0  # with everything: machines are slow, shared and busy
 SERVICES = frozenset({"run", "emulator", "controller"})
 QUIET = ("--set", "log.record=false")
 PATIENT = ("--set", "misses_to_stop=100000")  # busy machines miss many
+OBSERVER = "hoap3.tools.services.observer"
 _MARK = "HOAP3_TEST_MARK"
 EVENTS = {value: name for name, value in Event.schema.constants.items() if name[:6] != "REASON"}
 
@@ -208,23 +212,36 @@ def controller(*arguments: object, at: str, **kinds: Any) -> Command:
 
 
 @contextmanager
+def following(*arguments: object, at: str, **kinds: Any) -> Iterator[Command]:
+    """A controller that HOAP-3 at an endpoint follows, and is active."""
+    with controller(*arguments, at=at, **kinds) as law:
+        law.hear("following robot")
+        wait_for_mode("active", at)
+        yield law
+
+
+@contextmanager
 def followed(
     at: str,
+    names: tuple[object, object] = ("hoap3", "qp12"),
     *,
     near: str | None = None,
-    robot: Sequence[str] = PATIENT,
-    law: Sequence[str] = (),
+    robot: Sequence[object] = (*QUIET, *PATIENT),
+    law: Sequence[object] = QUIET,
+    **kinds: Any,
 ) -> Iterator[tuple[Command, Command]]:
-    """HOAP-3 that follows `qp12`, neither with a log: both commands.
+    """A robot that follows a controller: both commands.
 
     Args:
         at: where the robot listens.
+        names: of the configs of the robot and of its controller.
         near: where its controller finds it instead.
         robot, law: further words of each.
+        kinds: of the robot's command.
     """
     with (
-        emulator("hoap3", *QUIET, *robot, at=at) as ours,
-        controller("qp12", *QUIET, *law, at=near or at) as theirs,
+        emulator(names[0], *robot, at=at, **kinds) as ours,
+        controller(names[1], *law, at=near or at) as theirs,
     ):
         theirs.hear("following robot")
         yield ours, theirs
@@ -265,8 +282,14 @@ def inside(*arguments: object) -> Done:
     out, err, code = io.StringIO(), io.StringIO(), 0
     before, handlers = sys.argv, {number: signal.getsignal(number) for number in STOPS}
     sys.argv = ["hoap3", *map(str, arguments)]
+    ended: list[tuple[Any, ...]] = []  # what removes empty folders at the end of the process
+    at_exit = SimpleNamespace(register=lambda *call: ended.append(call))
     try:
-        with redirect_stdout(out), redirect_stderr(err):
+        with (
+            redirect_stdout(out),
+            redirect_stderr(err),
+            patch.object(result_folder, "atexit", at_exit),
+        ):
             main()
     except SystemExit as end:
         code = int(end.code or 0)
@@ -274,6 +297,8 @@ def inside(*arguments: object) -> Done:
         sys.argv = before
         for number, handler in handlers.items():
             signal.signal(number, handler)
+        for call, *of in reversed(ended):
+            call(*of)
     return Done(code, out.getvalue(), err.getvalue())
 
 
@@ -292,6 +317,26 @@ def wait_for_mode(mode: str, at: str, robot: str = "hoap3") -> dict[str, Any]:
         if status["mode"] == mode:
             return status
     raise AssertionError(f"never {mode}, but {status}")
+
+
+def wait_for_ticks(at: str, count: int, robot: str = "hoap3") -> None:
+    """Wait until an active robot has advanced so many ticks, still active."""
+    tick = wait_for_mode("active", at, robot)["tick"]
+    while wait_for_mode("active", at, robot)["tick"] < tick + count:
+        continue
+
+
+def observer_of(service: Command, log: str = "", at: str = "") -> int:
+    """Process id of the observer of a service; of that which writes `log`, once a robot moves."""
+    for _ in range(100):
+        for pid, words in service.family().items():
+            if OBSERVER in words:
+                handles = [handle.resolve() for handle in Path(f"/proc/{pid}/fd").iterdir()]
+                if not log or log in {handle.name for handle in handles}:
+                    return pid
+        if at:
+            wait_for_ticks(at, 50)  # it has only begun
+    raise AssertionError(f"none among {service.family()}")
 
 
 def wait_for_end(pid: int) -> None:

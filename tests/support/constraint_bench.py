@@ -10,8 +10,8 @@ import daqp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hoap3.protocol.description import RobotDescription, Sole
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription, Sole
 from hoap3.remote_controller.constraints.acceleration_stack import AccelerationStack
 from hoap3.remote_controller.constraints.frames.fixed_frame import AXES
 from hoap3.remote_controller.constraints.registry import (

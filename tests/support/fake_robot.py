@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_session import SPEAKS, key, open_session, state_key
+from hoap3.protocol.link.zenoh_session import key, open_session, state_key
 
 Script = Callable[[str, str], bytes | None]
 """Verb of a request and its client in, the answer out; None for no answer."""
@@ -59,7 +59,6 @@ class FakeRobot:
         session.liveliness().declare_subscriber(key(name, "clients/*"), self._came, history=True)
         for whom in ("ask", "control"):
             session.declare_queryable(key(name, f"{whom}/*/*"), self._answer)
-        self._speaks = session.liveliness().declare_token(key(name, SPEAKS))
         self._token = session.liveliness().declare_token(key(name, "alive"))
 
     def publish(self, state: bytes) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log_writer import LogWriter
 
@@ -105,3 +108,38 @@ def write(path: Path, records: list[Record], **options: Any) -> LogWriter:
         for record in records:
             writer.add(record)
     return writer
+
+
+def chunks_of(path: Path) -> list[ChunkIndex]:
+    """Where the chunks of a whole file stand."""
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    return summary.chunk_indexes
+
+
+@dataclass(repr=False)
+class Sample:
+    """A whole log, and where its chunks stand."""
+
+    content: bytes
+    records: list[Record]
+    chunks: list[ChunkIndex]
+
+    @classmethod
+    def of(cls, folder: Path, count: int) -> Sample:
+        """A log of so many ticks of two joints."""
+        records = inputs(describe(2)) + ticks(2, count)
+        path = write(folder, records).paths[0]
+        return cls(path.read_bytes(), records, chunks_of(path))
+
+    def without(self, *lost: ChunkIndex) -> list[Record]:
+        """What the other chunks hold."""
+        spans = [(chunk.message_start_time, chunk.message_end_time) for chunk in lost]
+        return [r for r in self.records if not any(a <= r.stamp <= b for a, b in spans)]
+
+    def readable(self, size: int) -> list[Record]:
+        """What the first bytes of the file hold."""
+        whole = [c for c in self.chunks if c.chunk_start_offset + c.chunk_length <= size]
+        newest = max((chunk.message_end_time for chunk in whole), default=0)
+        return [record for record in self.records if record.stamp <= newest]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import LockstepLink
 from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import MemoryRecorder
@@ -138,8 +138,8 @@ class Bench:
         return self.fate(self._tick, answer)
 
 
-def active(**options: Any) -> Bench:
-    """A robot that follows us from tick 0."""
+def active(who: str = "test", **options: Any) -> Bench:
+    """A robot that follows a client from tick 0."""
     bench = Bench(**options)
-    bench.link.ask("acquire", "test")
+    bench.link.ask("acquire", who)
     return bench

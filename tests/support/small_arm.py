@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hoap3.protocol.description import Joint, RobotDescription
+from hoap3.protocol.robot.description import Joint, RobotDescription
 
 PERIOD_NS = 1_000_000
 

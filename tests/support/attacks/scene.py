@@ -14,7 +14,7 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.link.zenoh_session import ask, key, open_session, session_name, zenoh
 from hoap3.protocol.messages import State
-from hoap3.tools.certs.authority import issue
+from hoap3.tools.services.certificates import issue
 from support.attacks.attacked_robot import AttackedRobot
 from support.certificates.laboratory import DAY, client, laboratory
 

@@ -7,7 +7,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.tools.certs.authority import init, issue
+from hoap3.tools.services.certificates import init, issue
 
 DAY = timedelta(days=1)
 PEOPLE = {

@@ -13,7 +13,13 @@ import pytest
 import hoap3
 from hoap3.tools.services.connection import Connection
 from support.certificates.laboratory import laboratory
-from support.command_bench import PATIENCE_S, PATIENT, QUIET, controller, emulator, endpoint
+from support.command_bench import (
+    PATIENCE_S,
+    PATIENT,
+    QUIET,
+    endpoint,
+    followed,
+)
 from support.pages.steered_arm import ROBOT, hand
 
 
@@ -22,11 +28,12 @@ def secured_arm(folder: Path) -> Iterator[str]:
     """Where it listens, once it follows; its certificates, and everybody's, are in the folder."""
     laboratory(folder, ROBOT)
     at = endpoint().replace("tcp/", "tls/")
-    with (
-        emulator(ROBOT, *QUIET, *PATIENT, "--secure", folder / ROBOT, at=at),
-        controller("steered_ur5", *QUIET, "--secure", folder / "qp", at=at) as law,
+    with followed(
+        at,
+        (ROBOT, "steered_ur5"),
+        robot=(*QUIET, *PATIENT, "--secure", folder / ROBOT),
+        law=(*QUIET, "--secure", folder / "qp"),
     ):
-        law.hear("following robot")
         with hoap3.connect(ROBOT, at, secure=folder / "otto") as seen:
             for _ in range(3000):
                 if seen.status()["mode"] == "active":

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
-from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, fit, stacked
 from hoap3.remote_controller.solvers.base.validation import array, number
 from hoap3.remote_controller.solvers.ghc.ghc import REGULARISED
-from hoap3.remote_controller.solvers.ghc.projector import generalized_projector
+
+from ..solvers.one_shot import generalized_projector
+from ..solvers.task_stacks import Stack, fit, limits_of, stacked
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ class PlainLqp:
         S: selection matrix, (n_a, n): torques act as Sᵀτ; the identity by default.
         contact: Jacobian of all contact forces, (c, n); none by default.
         G, h: rows G [q̈; w_c; τ] ≤ h, (r, n + c + n_a) and (r,): obstacles and limits of joints as
-            accelerations, bounds of wrenches, friction cones (`friction_rows`).
+            accelerations, bounds of wrenches, friction cones.
 
     Raises:
         BadProblemError: wrong shape, or a value that is not finite.
@@ -91,7 +92,7 @@ class PlainLqp:
             tasks: what `stacked` makes of them.
             alpha: priorities, (k, k).
             w_r: ω_r, positive.
-            regularise: as for `ghc`: "none" only where all joints have torques and nothing
+            regularise: as for `Ghc`: "none" only where all joints have torques and nothing
                 touches.
             smoothing: s₀ of `generalized_projector`.
 
@@ -172,33 +173,6 @@ class PlainLqp:
         return H, f, rows, least, most, motion, still
 
 
-def friction_rows(normal: ArrayLike, friction: float, sides: int = 4) -> Array:
-    """Rows F with F·force ≤ 0: a pyramid within the friction cone, and no pull.
-
-    Args:
-        normal: of the surface, towards the robot, (3,).
-        friction: coefficient, positive.
-        sides: of the pyramid, at least 3; its edges lie on the cone.
-
-    Returns:
-        F, (sides + 1, 3).
-
-    Raises:
-        BadProblemError: a normal without direction, or a value outside its range.
-    """
-    up = array("normal", normal, 1)
-    fit("normal", up, (3,))
-    length, mu = float(np.linalg.norm(up)), number("friction", friction)
-    if not (length > 0.0 and 0.0 < mu < math.inf and sides >= 3):
-        raise BadProblemError("a friction cone needs a normal, friction above 0 and 3 sides.")
-    up = up / length
-    first = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
-    first /= np.linalg.norm(first)
-    angles = 2 * math.pi * np.arange(sides) / sides
-    along = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(up, first))
-    return np.vstack([along - mu * math.cos(math.pi / sides) * up, -up])
-
-
 def lqp(
     jacobians: Sequence[ArrayLike],
     targets: Sequence[ArrayLike],
@@ -208,10 +182,7 @@ def lqp(
     w_r: float,
     *,
     regularise: str = "gravity_compensated",
-    qdd_lower: ArrayLike | None = None,
-    qdd_upper: ArrayLike | None = None,
-    tau_lower: ArrayLike | None = None,
-    tau_upper: ArrayLike | None = None,
+    **limits: ArrayLike,
 ) -> tuple[Array, Array]:
     """As `ghc`, arguments, errors and answers alike, by the program (13) as it is printed.
 
@@ -219,8 +190,8 @@ def lqp(
         InfeasibleError, BadProblemError, UnknownNameError: as `ghc`.
         SolverError: daqp gave up.
     """
-    stack = stacked("LQP", jacobians, targets, M, bias)
-    ql, qu, tl, tu = bounds_of(stack.n, qdd_lower, qdd_upper, tau_lower, tau_upper)
+    stack = stacked(jacobians, targets, M, bias)
+    ql, qu, tl, tu, *_ = limits_of(stack.n, **limits)
     sides = np.vstack([np.eye(2 * stack.n), -np.eye(2 * stack.n)])
     h = np.concatenate([qu, tu, -ql, -tl])
     given = np.isfinite(h)

@@ -25,8 +25,7 @@ from support.command_bench import (
     PATIENT,
     QUIET,
     Command,
-    controller,
-    emulator,
+    followed,
     wait_for_mode,
 )
 from support.pages.view_bench import PagePen
@@ -85,26 +84,28 @@ def viewed_arm(
         at: where the robot listens.
         law, robot: more words of the commands of each.
     """
-    with (
-        emulator(ROBOT, *QUIET, *robot, at=at),
-        controller("steered_ur5", *law, at=at) as command,
-    ):
-        command.hear("following robot")
+    with followed(at, (ROBOT, "steered_ur5"), robot=(*QUIET, *robot), law=law) as (_, command):
         wait_for_mode("active", at, ROBOT)
         with Command("view", ROBOT, "--connect", at, "--port", "0") as viewer:
             yield command, viewer
 
 
 def tool(q: np.ndarray) -> np.ndarray:
-    """Pose of the tool by plain Pinocchio, (4, 4)."""
-    robot = hoap3.load_robot(ROBOT)
+    """Pose of the arm's tool, (4, 4)."""
+    return pose(hoap3.load_robot(ROBOT), "tool0", q)
+
+
+def pose(robot: hoap3.RobotDescription, link: str, q: np.ndarray) -> np.ndarray:
+    """Pose of a link in the base frame by plain Pinocchio, (4, 4)."""
     model = pin.buildModelFromXML(robot.urdf)
     data, ours = model.createData(), np.zeros(model.nq)
     for name, angle in zip(robot.joint_names, q, strict=True):
         ours[model.joints[model.getJointId(name)].idx_q] = angle
     pin.framesForwardKinematics(model, data, ours)
-    base, hand = (data.oMf[model.getFrameId(link)] for link in (robot.base_frame, "tool0"))
-    return base.actInv(hand).homogeneous
+    base, there = (
+        data.oMf[model.getFrameId(name, pin.FrameType.BODY)] for name in (robot.base_frame, link)
+    )
+    return base.actInv(there).homogeneous
 
 
 def hand(state: State) -> np.ndarray:

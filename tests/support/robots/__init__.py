@@ -1,1 +1,1 @@
-"""Robots of random shape, and such with followers and with joints that turn without end."""
+"""Robots of random shape, and such with mimic joints and with joints that turn without end."""

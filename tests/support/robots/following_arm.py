@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from hoap3.protocol.config.settings import parse, parse_yaml
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.robots.yaml_file import RobotFile, describe
 
@@ -43,8 +43,8 @@ def _limit(lower: float, upper: float, velocity: float, effort: float) -> str:
     return f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
 
 
-def _mimic(master: str, multiplier: float, offset: float) -> str:
-    return f'<mimic joint="{master}" multiplier="{multiplier}" offset="{offset}"/>'
+def _mimic(mimicked: str, multiplier: float, offset: float) -> str:
+    return f'<mimic joint="{mimicked}" multiplier="{multiplier}" offset="{offset}"/>'
 
 
 ROUGH = '<dynamics damping="0.2" friction="0.1"/>'
@@ -60,7 +60,7 @@ URDF = "".join(
         _link("shoulder", 2.0),
         _joint("lift", "revolute", "shoulder upper", "0 0 0.2", Y, _limit(-1.5, 1.5, 2, 80)),
         _link("upper", 1.5, "0.02 0 0.15"),
-        # the follower stands before its master in the text, and in the tree
+        # the mimic joint stands before its mimicked joint in the text, and in the tree
         _joint("far_elbow", "revolute", "upper middle", "0 0 0.3", Y, FAR),
         _link("middle", 0.3, "0 0 0.02"),
         _joint("elbow", "revolute", "middle fore", "0 0 0.05", Y, _limit(-2.5, 2.5, 3, 60)),
@@ -113,5 +113,5 @@ def following() -> RobotDescription:
 def let_go() -> RobotDescription:
     """The same links with eight independent joints: what followed does as it likes."""
     arm, urdf = following(), re.sub("<mimic[^>]*>", "", URDF)
-    names = *arm.joint_names, *arm.structure.followers
+    names = *arm.joint_names, *arm.structure.mimic_joints
     return describe(RobotFile(name="let_go", urdf="arm.urdf", joints=names), urdf)

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.robot_emulator.robots.yaml_file import RobotFile, describe
 from support.robots.random_trees import inertial, placed, triple
 
 
 def following_tree(seed: int, n: int, f: int, kind: str = "torque") -> RobotDescription:
-    """A robot of n independent joints and f followers, in any order along the tree.
+    """A robot of n independent joints and f mimic joints, in any order along the tree.
 
-    A follower may stand before its master, on another branch, and follow a follower.
+    A mimic joint may stand before its mimicked joint, on another branch, and follow a mimic joint.
     """
     rng = np.random.default_rng(seed)
     parts, links = [f'<link name="root">{inertial(rng)}</link>'], ["root"]
     kinds = [str(rng.choice(("revolute", "continuous", "prismatic"))) for _ in range(n + f)]
-    ranks = [int(rank) for rank in rng.permutation(n + f)]  # a follower's master is below it
+    ranks = [
+        int(rank) for rank in rng.permutation(n + f)
+    ]  # a mimic joint's mimicked joint is below it
     for i, rank in enumerate(ranks):
         mimic = ""
         if rank >= n:
-            master = ranks.index(int(rng.integers(rank)))
+            mimicked = ranks.index(int(rng.integers(rank)))
             ratio, offset = rng.choice((-1.0, 1.0)) * rng.uniform(0.2, 2.0), rng.normal()
-            mimic = f'<mimic joint="joint{master}" multiplier="{ratio}" offset="{offset}"/>'
+            mimic = f'<mimic joint="joint{mimicked}" multiplier="{ratio}" offset="{offset}"/>'
         bounds = "" if kinds[i] == "continuous" else 'lower="-90" upper="95" '
         rough = f'<dynamics damping="{rng.uniform()}" friction="{rng.uniform()}"/>'
         limit = f'<limit {bounds}velocity="{rng.uniform(0.5, 3.0)}" effort="60"/>'

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 
 
 class FullModel:

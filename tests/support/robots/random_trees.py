@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.protocol.description import Joint, RobotDescription
+from hoap3.protocol.robot.description import Joint, RobotDescription
 
 
 def triple(values: np.ndarray) -> str:

@@ -51,4 +51,4 @@ FEW = (
     "simple_humanoid_description/urdf/simple_humanoid.urdf",
     "ur_description/urdf/ur5_robot.urdf",
 )
-"""Twelve that have, between them, whatever vendors do: followers, joints without limits, meshes."""
+"""Twelve that have, between them, mimic joints, joints without limits, and meshes."""

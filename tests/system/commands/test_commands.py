@@ -1,15 +1,13 @@
-"""Every other command once, with a look at what it says."""
+"""Other commands once, with their results."""
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 import signal
 from importlib import metadata
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from support.command_bench import (
@@ -21,7 +19,6 @@ from support.command_bench import (
     controller,
     emulator,
     endpoint,
-    hoap3,
     inside,
     tell,
     wait_for_mode,
@@ -52,13 +49,6 @@ def test_version_names_the_stack() -> None:
         assert lines[name][0].isdecimal()
 
 
-def test_help_names_every_command() -> None:
-    done = hoap3("--help")
-    assert done.end() == 0
-    for name in ("run", "emulator", "controller", "list", "stop", "recover", "status", "record"):
-        assert f" {name} " in done.stdout
-
-
 def test_list_knows_what_can_be_named() -> None:
     found = inside("list", "--json").json()
     assert "hoap3" in found["robots"]
@@ -76,7 +66,6 @@ def test_list_knows_what_can_be_named() -> None:
 @pytest.mark.parametrize("name", ["hoap3", "baxter", "qp12", "pinv", "osqp", "tsid"])
 def test_a_shown_config_is_a_config(name: str, tmp_path: Path) -> None:
     shown = inside("config", "show", name)
-    assert shown.code == 0
     copy = tmp_path / "copy.yaml"
     copy.write_text(shown.stdout)
     again = inside("config", "show", copy)
@@ -104,14 +93,10 @@ def test_a_schema_describes_every_key_of_the_config(kind: str) -> None:
         assert parameters["properties"].keys() == content["parameters"].keys()
 
 
-@pytest.mark.parametrize(
-    ("kind", "name"),
-    [
-        ("controller", "qp12"),
-        *(("task", t) for t in TASKS),
-        *(("constraint", c) for c in CONSTRAINTS),
-    ],
-)
+ENTRIES = [("task", name) for name in TASKS] + [("constraint", name) for name in CONSTRAINTS]
+
+
+@pytest.mark.parametrize(("kind", "name"), [("controller", "qp12"), *ENTRIES])
 def test_a_schema_of_an_entry_has_its_own_parameters(kind: str, name: str) -> None:
     schema = inside("config", "schema", kind, name).json()
     whole = inside("config", "schema", kind).json()
@@ -124,46 +109,14 @@ def test_a_schema_of_an_entry_has_its_own_parameters(kind: str, name: str) -> No
     assert named <= schema.get("$defs", {}).keys()
 
 
-def test_csv_has_a_row_a_tick(folder: Path, tmp_path: Path) -> None:
-    to = tmp_path / "run.csv"
-    assert inside("export", folder, "--to", to).code == 0
-    rows = list(csv.DictReader(to.read_text().splitlines()))
-    states = Log.open(folder, side="robot").states()
-    assert [int(row["tick"]) for row in rows] == states["tick"].tolist()
-    names = [key for key in rows[0] if key.startswith("q.")]
-    assert len(names) == 21
-    assert [float(row[names[3]]) for row in rows] == states["q"][:, 3].tolist()
-
-
-def test_npz_has_every_array(folder: Path, tmp_path: Path) -> None:
-    to = tmp_path / "run.npz"
-    assert inside("export", folder, "--to", to, "--side", "controller").code == 0
-    log = Log.open(folder, side="controller")
-    with np.load(to) as arrays:
-        assert arrays["setpoint.values"].tobytes() == log.setpoints()["values"].tobytes()
-        assert arrays["state.tick"].tolist() == log.states()["tick"].tolist()
-        assert len(arrays["joint_names"]) == 21
-
-
-def test_a_whole_log_needs_no_repair(folder: Path) -> None:
-    before = (folder / "robot.mcap").read_bytes()
-    done = inside("record", "--repair", folder / "robot.mcap")
-    assert done.code == 0
-    assert "nothing was done" in done.stdout
-    assert (folder / "robot.mcap").read_bytes() == before
-
-
 def test_all_logs_of_a_folder_are_mended(folder: Path, tmp_path: Path) -> None:
     whole = (folder / "robot.mcap").read_bytes()
     (tmp_path / "robot.mcap").write_bytes(whole[:-100])
     (tmp_path / "robot.0001.mcap").write_bytes(whole)
     done = inside("record", "--repair", tmp_path, "--json")
     assert done.code == 0
-    mended = {Path(each["path"]).name: each for each in done.json()["logs"]}
-    assert {name: each["whole"] for name, each in mended.items()} == {
-        "robot.mcap": False,
-        "robot.0001.mcap": True,
-    }
+    mended = {Path(each["path"]).name: each["whole"] for each in done.json()["logs"]}
+    assert mended == {"robot.mcap": False, "robot.0001.mcap": True}
     assert Log.open(tmp_path / "robot.repaired.mcap").states().size > 0
     (tmp_path / "robot.repaired.mcap").unlink()
     (tmp_path / "controller.mcap").write_bytes(b"noise")
@@ -204,10 +157,3 @@ def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
     assert log.description.name == "test_robot"
     assert inside("export", out, "--to", tmp_path / "outside.csv").code == 0
     assert inside("replay", out).code == 2  # a replay needs the controller's own log
-
-
-def test_json_is_one_object_and_nothing_else(folder: Path) -> None:
-    for words in (("list", "--json"), ("replay", folder, "--json")):
-        done = inside(*words)
-        assert isinstance(json.loads(done.stdout), dict)
-        assert done.stderr == ""

@@ -19,23 +19,22 @@ from support.command_bench import (
     QUIET,
     Command,
     assert_no_traceback,
-    controller,
-    emulator,
     endpoint,
+    followed,
     hoap3,
     inside,
     on_path,
 )
 
+from hoap3.tools.analysis import output
 from hoap3.tools.cli.app import command_line
-from hoap3.tools.cli.viewers.help import GROUPS
-from hoap3.tools.show import output
-from hoap3.tools.show.summary import show_next
+from hoap3.tools.cli.help import GROUPS
 
 UR5 = HOUSE / "robot_emulator" / "robots" / "ur5"
 LOCKSTEP = ("run", "--lockstep", "--duration", "0.05", "--no-realtime")
 NOT_RECORDED = ("--set", "emulator.log.record=false")
 LONG = "r" * 256
+MEGABYTES = [100, 1000, *(pytest.param(size, marks=pytest.mark.long) for size in (200, 500))]
 SLOW = """
 import sys
 import time
@@ -60,7 +59,7 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_robot_of_a_controller_is_a_path(arm: Path) -> None:
+def test_the_robot_of_a_controller_is_a_path(arm):
     checked = inside("config", "check", arm / "law.yaml")
     assert (checked.code, checked.stderr) == (0, "")
     assert "own_arm" in checked.stdout
@@ -69,34 +68,23 @@ def test_the_robot_of_a_controller_is_a_path(arm: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_controller_finds_the_robot_that_its_path_describes(arm: Path) -> None:
+def test_a_controller_finds_the_robot_that_its_path_describes(arm):
     at = endpoint()
-    with (
-        emulator(arm / "own", *QUIET, at=at) as robot,
-        controller(arm / "law.yaml", "--duration", 0.2, *QUIET, at=at) as law,
-    ):
-        law.hear("following robot 'own_arm'")
+    names, short = (arm / "own", arm / "law.yaml"), ("--duration", 0.2, *QUIET)
+    with followed(at, names, robot=QUIET, law=short) as (robot, law):
         assert law.end() == 0  # by itself
         robot.end(signal.SIGTERM)
     assert_no_traceback(law)
 
 
-def test_a_path_that_leads_nowhere_is_named_with_its_key(arm: Path) -> None:
-    shutil.rmtree(arm / "own")
-    for words in (("config", "check"), (*LOCKSTEP, "--controller")):
-        done = inside(*words, arm / "law.yaml")
-        assert done.code == 2
-        assert f"law.yaml: robot: no such file or folder (found '{arm / 'own'}')" in done.stderr
-
-
-def test_a_controller_is_given_as_json() -> None:
+def test_a_controller_is_given_as_json():
     text = json.dumps({"controller": "qp12", "robot": "ur5"})
     done = inside(*LOCKSTEP, "--controller", text, "--json", *NOT_RECORDED)
     assert done.json()["ticks"] == 50
 
 
 @pytest.mark.parametrize("text", ['{"controller": "qp12"', "controller: qp12", "{controler: qp12}"])
-def test_wrong_text_for_a_controller_is_no_python_error(text: str) -> None:
+def test_wrong_text_for_a_controller_is_no_python_error(text):
     done = inside(*LOCKSTEP, "--controller", text)
     assert done.code == 2
     assert "controller" in done.stderr
@@ -119,7 +107,7 @@ def test_wrong_text_for_a_controller_is_no_python_error(text: str) -> None:
     ],
     ids=lambda words: " ".join(words)[:30],
 )
-def test_a_name_that_no_file_can_have_is_one_error(words: tuple[str, ...]) -> None:
+def test_a_name_that_no_file_can_have_is_one_error(words):
     done = inside(*words)
     assert done.code in {1, 2}
     assert done.stderr.startswith("error: ")
@@ -127,7 +115,7 @@ def test_a_name_that_no_file_can_have_is_one_error(words: tuple[str, ...]) -> No
 
 
 @pytest.mark.slow
-def test_a_folder_that_is_not_utf8_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_is_not_utf8_is_named(tmp_path):
     folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/f\xff"))
     shutil.copytree(UR5, folder / "arm")
     refused = hoap3(*LOCKSTEP[:-1], "--robot", "arm/robot.yaml", "--out", "log", cwd=folder)
@@ -142,11 +130,9 @@ def test_a_folder_that_is_not_utf8_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("megabytes", [100, 200, 500, 1000])
+@pytest.mark.parametrize("megabytes", MEGABYTES)
 @pytest.mark.parametrize("words", [LOCKSTEP, ("run",), ("emulator", "ur5"), ("robot", "check")])
-def test_too_little_memory_is_said_before_anything_is_imported(
-    words: tuple[str, ...], megabytes: int
-) -> None:
+def test_too_little_memory_is_said_before_anything_is_imported(words, megabytes):
     limited = ("prlimit", f"--as={megabytes << 20}")
     words = (*words, str(UR5)) if words[0] == "robot" else words
     with Command(*words, wrapper=limited) as command:
@@ -155,7 +141,7 @@ def test_too_little_memory_is_said_before_anything_is_imported(
 
 
 @pytest.mark.slow
-def test_too_little_memory_is_an_error_in_python_too() -> None:
+def test_too_little_memory_is_an_error_in_python_too():
     code = (
         "import hoap3\n"
         "try:\n    hoap3.simulate()\n"
@@ -167,12 +153,13 @@ def test_too_little_memory_is_an_error_in_python_too() -> None:
     assert done.stderr == ""
 
 
+either_signal = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@either_signal
 @pytest.mark.parametrize("module", ["numba", "numpy", "pydantic"])
-def test_an_interrupt_during_an_import_ends_at_once(
-    tmp_path: Path, module: str, number: int
-) -> None:
+def test_an_interrupt_during_an_import_ends_at_once(tmp_path, module, number):
     (tmp_path / f"{module}.py").write_text(SLOW.format(seconds=600))
     words = ("run", "--lockstep", "--out", tmp_path / "log")
     with Command(*words, environment=on_path(tmp_path)) as run:
@@ -184,8 +171,8 @@ def test_an_interrupt_during_an_import_ends_at_once(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_start_leaves_no_folder(tmp_path: Path, number: int) -> None:
+@either_signal
+def test_an_interrupted_start_leaves_no_folder(tmp_path, number):
     law = "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller as Law\n"
     (tmp_path / "slow_law.py").write_text(SLOW.format(seconds=1) + law)
     (tmp_path / "law.yaml").write_text("controller: slow_law:Law\n")
@@ -198,11 +185,11 @@ def test_an_interrupted_start_leaves_no_folder(tmp_path: Path, number: int) -> N
     assert not (tmp_path / "new").exists()
 
 
-def test_a_folder_is_removed_only_if_it_was_made_and_is_empty(tmp_path: Path) -> None:
+def test_a_folder_is_removed_only_if_it_was_made_and_is_empty(tmp_path):
     (tmp_path / "old").mkdir()
     code = f"""
 from pathlib import Path
-from hoap3.tools.show.result_folder import remove_if_empty
+from hoap3.tools.analysis.result_folder import remove_if_empty
 for name in ("old", "new/empty", "new/full"):
     folder = Path({str(tmp_path)!r}, name)
     remove_if_empty(folder)
@@ -214,39 +201,14 @@ for name in ("old", "new/empty", "new/full"):
     assert found == ["new", "new/full", "new/full/file", "old"]
 
 
-def test_after_a_safe_stop_the_next_steps_are_offered(capsys: pytest.CaptureFixture[str]) -> None:
-    show_next({"log": None, "safe_stops": 1})
-    offered = capsys.readouterr().err
-    assert all(word in offered for word in ("hoap3 recover NAME", "hoap3 doctor", "--lockstep"))
-    show_next({"log": "logs/a", "safe_stops": 0})
-    assert "recover" not in capsys.readouterr().err
-
-
-def test_no_line_ends_with_blanks_where_nobody_watches() -> None:
-    done = inside(*LOCKSTEP, *NOT_RECORDED)
-    assert done.stdout
-    assert [line for line in done.stdout.splitlines() if line != line.rstrip()] == []
-
-
-def test_every_command_is_in_one_group_of_the_help() -> None:
+def test_every_command_is_in_one_group_of_the_help():
     shown = [name for name, each in command_line().commands.items() if not each.hidden]
     grouped = [name for names in GROUPS.values() for name in names]
     assert sorted(grouped) == sorted(shown)
     text = inside("--help").stdout
-    assert [text.index(f"\n{title}:") for title in GROUPS] == sorted(
-        text.index(f"\n{title}:") for title in GROUPS
-    )
+    places = [text.index(f"\n{title}:") for title in GROUPS]
+    assert places == sorted(places)
     assert all(f"\n  {name} " in text for name in grouped)
-
-
-@pytest.mark.parametrize("value", ["abc", "nan", "-1", "0"])
-@pytest.mark.parametrize("option", ["run --lockstep --duration", "controller qp12 --duration"])
-def test_a_wrong_option_is_named_without_texts_of_pydantic(option: str, value: str) -> None:
-    done = inside(*option.split(), value)
-    assert done.code == 2
-    assert "'--duration': should be" in done.stderr
-    assert "Input" not in done.stderr
-    assert "unable" not in done.stderr
 
 
 def messages() -> list[tuple[Path, str]]:
@@ -256,22 +218,17 @@ def messages() -> list[tuple[Path, str]]:
         for path in (HOUSE / room).rglob("*.py"):
             tree = ast.parse(path.read_text())
             described = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-            found += [
-                (path, node.value)
-                for node in ast.walk(tree)
-                if isinstance(node, ast.Constant)
-                and isinstance(node.value, str)
-                and id(node) not in described
-            ]
+            texts = [node for node in ast.walk(tree) if isinstance(getattr(node, "value", 0), str)]
+            found += [(path, node.value) for node in texts if id(node) not in described]
     static = HOUSE / "tools" / "view" / "static"
     return found + [(path, path.read_text()) for path in static.glob("*.js")]
 
 
-def test_messages_name_topics_that_the_command_prints() -> None:
+def test_messages_name_topics_that_the_command_prints():
     texts = messages()
     assert [(path, text) for path, text in texts if re.search(r"docs/\w+\.md", text)] == []
     topics = {topic for _, text in texts for topic in re.findall(r"hoap3 help (\w+)", text)}
-    assert {"security", "priorities"} < topics
+    assert {"security"} < topics
     listed = inside("help").stdout.split()
     assert topics <= set(listed)
     for topic in topics:
@@ -279,9 +236,7 @@ def test_messages_name_topics_that_the_command_prints() -> None:
     assert inside("help", "nothing").code == 2
 
 
-def test_bad_connections_are_one_line_in_a_while(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_connections_are_one_line_in_a_while(capsys, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
     logger = output.bad_connections("page")

@@ -1,20 +1,34 @@
-"""`hoap3 stop|status|recover|release|change` without an endpoint: the robots of this machine."""
+"""Robots are found by name: on this machine, at their port, and among several."""
 
 from __future__ import annotations
 
+import json
 import os
 import signal
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import Any
 
 import pytest
-from support.command_bench import QUIET, controller, emulator, endpoint, inside, tell
+import zenoh
+from support.command_bench import (
+    PATIENT,
+    QUIET,
+    Command,
+    controller,
+    emulator,
+    endpoint,
+    inside,
+    tell,
+)
 
-from hoap3.protocol.errors import LinkError, UsageError
+import hoap3
+from hoap3.protocol.answers import Status
+from hoap3.protocol.errors import LinkError, NameTakenError, UsageError
 from hoap3.protocol.link import local_control
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.tools.cli.options import ENDPOINT
-from hoap3.tools.services import client, find_robot
+from hoap3.tools.services import find_robot, sent
 from hoap3.tools.services.find_robot import ask_robots, reach_robot, release_robot
 
 
@@ -58,6 +72,28 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
     assert not path.exists()
 
 
+def test_a_robot_that_compiles_is_starting():
+    starting = Status(mode="starting", holder=None, session_id=7, tick=0, lockstep=False)
+    with closing(LocalControl("arm", ("tcp/127.0.0.1:1",), starting.model_dump())):
+        assert inside("status").stdout.startswith("arm is starting")
+        assert inside("status", "--json").json()["mode"] == "starting"
+        for command in ("stop", "record"):
+            done = inside(command)
+            assert (done.code, done.stdout) == (1, "")
+            assert "is starting" in done.stderr
+        assert inside("list", "--live", "--json").json()["alive"] == []
+
+
+def test_a_robot_that_starts_does_not_hide_the_one_that_runs(runtime, monkeypatch):
+    monkeypatch.setattr(local_control, "ANSWER_TIMEOUT_S", 0.05)  # no loop serves it
+    with (
+        closing(LocalControl("arm", ("tcp/127.0.0.1:1",), {"mode": "starting"})),
+        closing(LocalControl("leg", ("tcp/127.0.0.1:2",))),
+        pytest.raises(LinkError, match=r"'leg'.* does not stop"),
+    ):
+        ask_robots(None, "stop", None)
+
+
 @pytest.mark.slow
 def test_a_recording_takes_the_only_robot_of_this_machine(tmp_path):
     with emulator("hoap3", *QUIET, "--set", "name=arm", at=endpoint()) as robot:
@@ -90,20 +126,15 @@ def test_the_list_has_robots_of_this_machine_where_the_network_is_silent(monkeyp
 
 def test_of_several_robots_one_is_to_be_named(runtime, monkeypatch):
     monkeypatch.setattr(local_control, "ANSWER_TIMEOUT_S", 0.05)  # no loop serves them
-    made = [LocalControl("arm", ("tcp/127.0.0.1:1",))]
-    for number in (1, 2):  # as processes of their own have them
-        other = runtime / f"robot-leg-{number}.sock"
-        made.append(LocalControl("leg", ()))
-        made[-1].path.rename(other)
-        made[-1].path = other
-    try:
+    with ExitStack() as made:
+        made.enter_context(closing(LocalControl("arm", ("tcp/127.0.0.1:1",))))
+        for number in (1, 2):  # as processes of their own have them
+            leg = made.enter_context(closing(LocalControl("leg", ())))
+            leg.path = leg.path.rename(runtime / f"robot-leg-{number}.sock")
         with pytest.raises(UsageError, match=r"3 robots run on this machine: arm .*leg .*Add its"):
             ask_robots(None, "stop", None)
         with pytest.raises(UsageError, match=r"2 robots called .leg. run .*leg .*leg .*--connect"):
             reach_robot("leg", None)
-    finally:
-        for one in made:
-            one.close()
 
 
 def test_a_robot_that_does_not_run_here_is_looked_for_on_the_network(monkeypatch):
@@ -147,11 +178,97 @@ def test_on_the_network_only_a_single_robot_needs_no_name(monkeypatch, names, er
 
 def test_a_change_that_no_robot_takes_is_refused_before_it_is_sent():
     with pytest.raises(UsageError, match="the change has 70011 bytes; a robot takes 65536"):
-        client.change("arm", {"key": "x" * 70_000}, "tcp/127.0.0.1:1")
+        sent.request({"key": "x" * 70_000}, {})
 
 
-@pytest.mark.parametrize("robot", ["", "*", "Arm", "../arm", "arm-1"])
-def test_what_is_no_name_is_refused(robot):
-    for ask in (release_robot, lambda name: ask_robots(name, "stop", None)):
-        with pytest.raises(UsageError, match="not the name of a robot"):
-            ask(robot)
+@pytest.mark.parametrize("name", ["arm", None])
+def test_who_connects_to_nothing_is_told_what_was_looked_for_where_and_what_to_do(
+    name, monkeypatch
+):
+    monkeypatch.setattr(find_robot, "listens", lambda _: False)
+    with pytest.raises(LinkError) as error:
+        hoap3.connect(name)
+    words = str(error.value)
+    assert ("'arm'" in words) == (name is not None)
+    for part in ("this machine", "tcp/127.0.0.1:7447", "hoap3 emulator", "--connect", "endpoint="):
+        assert part in words
+
+
+@pytest.mark.slow
+def test_a_robot_at_a_free_port_is_found_by_its_name_alone():
+    at = endpoint()
+    with emulator("hoap3", *QUIET, "--set", "name=arm", at=at) as robot:
+        with hoap3.connect("arm") as connected:
+            assert (connected.robot, connected.status()["mode"]) == ("arm", "idle")
+        with hoap3.connect() as connected:
+            assert connected.description.name == "arm"
+        with pytest.raises(LinkError, match=r"this machine: arm$"):
+            hoap3.connect("leg")
+        (found,) = inside("list", "--live", "--json", "--connect", at).json()["sessions"]
+        session = inside("status", "--json").json()["session_id"]
+        expected = ("arm", at, robot.process.pid, session)
+        keys = ("robot", "endpoint", "pid", "session_id")
+        assert tuple(found[key] for key in keys) == expected
+        assert robot.end(signal.SIGTERM) == 0
+
+
+@pytest.mark.slow
+def test_stop_reaches_all_robots_of_one_name_on_this_machine():
+    first, second = endpoint(), endpoint()
+    words = ("hoap3", *QUIET, "--set", "name=arm")
+    with emulator(*words, at=first) as one, emulator(*words, at=second) as other:
+        warned = other.hear(r"has the same name: arm at (\S+) \(process (\d+)")
+        assert warned.groups() == (first, str(one.process.pid))
+        found = inside("status", "arm", "--json").json()["robots"]
+        assert {each["endpoint"] for each in found} == {first, second}
+        with pytest.raises(UsageError) as refused:
+            hoap3.connect("arm")
+        assert first in str(refused.value)
+        assert second in str(refused.value)
+        assert inside("recover", "arm").code == 2
+        done = inside("stop", "arm", "--json")
+        assert done.code == 0
+        stopped = {(each["endpoint"], each["mode"]) for each in done.json()["robots"]}
+        assert stopped == {(first, "stopped"), (second, "stopped")}
+
+
+@pytest.mark.slow
+def test_two_held_robots_whose_router_starts_later_go_on_and_grant_nothing_new():
+    router, places = endpoint(), (endpoint(), endpoint())
+    robot = ("hoap3", *QUIET, *PATIENT, "--set", f"link.connect=[{router}]")
+    with (
+        emulator(*robot, at=places[0]) as one,
+        emulator(*robot, at=places[1]) as other,
+        controller("qp12", *QUIET, at=places[0]) as first,
+        controller("qp12", *QUIET, at=places[1]) as second,
+    ):
+        for law in (first, second):
+            law.hear("following robot")
+        with closing(_router(router)):
+            for side in (one, other):
+                told = side.hear(r"2 robots on this network are called 'hoap3': (.*)")[1]
+                assert all(place in told for place in places)
+                side.hear("name conflict")
+            found = inside("status", "--connect", router, "--json").json()["robots"]
+            assert {each["endpoint"] for each in found} == set(places)
+            assert {each["mode"] for each in found} == {"active"}
+            assert len({each["holder"] for each in found} - {None}) == 2
+            with pytest.raises(NameTakenError) as refused:
+                hoap3.connect("hoap3", router)
+            assert all(place in str(refused.value) for place in places)
+            with Command("controller", "qp12", *QUIET, "--set", f"link={_client(router)}") as third:
+                told = third.hear(r"2 robots on this network .*Waiting until one is left")[0]
+                assert all(place in told for place in places)
+            done = inside("stop", "hoap3", "--connect", router, "--json").json()["robots"]
+            assert {each["endpoint"] for each in done} == set(places)
+            assert {each["mode"] for each in done} <= {"stopping", "stopped"}
+
+
+def _router(at: str) -> Any:
+    listens, alone = {"endpoints": [at]}, {"multicast": {"enabled": False}}
+    config = {"mode": "router", "listen": listens, "scouting": alone}
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+
+
+def _client(at: str) -> str:
+    return f"{{mode: client, connect: [{at}]}}"

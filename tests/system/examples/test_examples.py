@@ -10,10 +10,10 @@ import runpy
 import numpy as np
 import pytest
 from support import HOUSE
-from support.command_bench import PATIENT, QUIET, controller, emulator, endpoint, inside
+from support.command_bench import endpoint, followed, inside
+from support.pages.steered_arm import pose, tool
 
 import hoap3
-from hoap3.remote_controller.model.kinematics import Kinematics
 
 EXAMPLES = HOUSE / "examples"
 ARM = EXAMPLES / "own_arm"
@@ -21,16 +21,6 @@ TOUR = json.loads((EXAMPLES / "tour.ipynb").read_text(encoding="utf-8"))
 CELLS = [cell for cell in TOUR["cells"] if cell["cell_type"] == "code"]
 STEER = runpy.run_path(str(ARM / "steer.py"))
 COMPARING = runpy.run_path(str(EXAMPLES / "comparing_controllers.py"))
-
-
-def place(robot: hoap3.RobotDescription, frame: str, q: np.ndarray) -> np.ndarray:
-    """Where a frame is, (3,) [m]."""
-    kinematics = Kinematics(robot)
-    kinematics.update(q)
-    frames = kinematics.frame_id(frame), kinematics.frame_id(robot.base_frame)
-    found = np.zeros(3)
-    kinematics.frame(*frames, found, np.zeros((3, 3)), np.zeros((6, robot.n)))
-    return found
 
 
 def test_the_tour_is_stored_without_outputs():
@@ -44,11 +34,9 @@ def test_the_tour_goes_from_top_to_bottom(monkeypatch):
     at, names, printed = endpoint(), {"__name__": "__main__"}, io.StringIO()
     monkeypatch.setenv("HOAP3_CONNECT", at)
     with (
-        emulator("ur5", *QUIET, *PATIENT, at=at),
-        controller("steered_ur5", *QUIET, at=at) as law,
+        followed(at, ("ur5", "steered_ur5")),
         contextlib.redirect_stdout(printed),
     ):
-        law.hear("following robot")
         try:
             for cell in CELLS:
                 exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
@@ -59,22 +47,18 @@ def test_the_tour_goes_from_top_to_bottom(monkeypatch):
     assert names["heard"] == ["SAFE_STOP", "AT_REST"]
     assert names["before"]["priorities"]["alpha"] == [[0.0, 0.0], [1.0, 0.0]]
     end_of_circle = names["circle"][-1]
-    reached = place(hoap3.load_robot("ur5"), "tool0", names["on_circle"].q)
+    reached = tool(names["on_circle"].q)[:3, 3]
     assert np.linalg.norm(reached - end_of_circle) < 2e-3
 
 
 @pytest.mark.slow
 def test_the_tip_of_ones_own_arm_goes_from_corner_to_corner():
     at = endpoint()
-    with (
-        emulator(ARM / "desk_arm", *QUIET, *PATIENT, at=at),
-        controller(ARM / "steered.yaml", *QUIET, at=at) as law,
-    ):
-        law.hear("following robot")
+    with followed(at, (ARM / "desk_arm", ARM / "steered.yaml")):
         *corners, refused = STEER["square"](at)
     robot = hoap3.load_robot(str(ARM / "desk_arm"))
     for corner, q in zip(STEER["CORNERS"], corners, strict=True):
-        assert np.linalg.norm(place(robot, "tip", q) - corner) < 2e-3
+        assert np.linalg.norm(pose(robot, "tip", q)[:3, 3] - corner) < 2e-3
     np.testing.assert_allclose(refused, corners[-1], atol=1e-2)
 
 
@@ -104,10 +88,3 @@ def test_controllers_are_compared_on_the_same_task():
         for label, figures in zip(made.labels, made.figures, strict=True)
     }
     assert COMPARING["best"](made)["label"] == min(efforts, key=efforts.__getitem__)
-
-
-def test_every_example_stands_in_the_docs():
-    page = (HOUSE / "docs" / "examples.md").read_text(encoding="utf-8")
-    for path in EXAMPLES.iterdir():
-        if path.name != "__pycache__":
-            assert f"examples/{path.name}" in page, path

@@ -23,9 +23,7 @@ token = session.liveliness().declare_token(name) if when == "early" else None
 print("ready", flush=True)
 sys.stdin.readline()
 token = token or session.liveliness().declare_token(name)
-answers = session.get(
-    key(robot, "ask/acquire"), zenoh.handlers.FifoChannel(1), payload=who.encode()
-)
+answers = session.get(key(robot, f"ask/acquire/{who}"), zenoh.handlers.FifoChannel(1))
 time.sleep(ON_ITS_WAY_S)
 print("asked", flush=True)
 sys.stdin.read()

@@ -7,6 +7,7 @@ recovered again and again; afterwards it has to follow its controller again.
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from support.command_bench import PATIENT, Command, endpoint, followed
+from support.command_bench import PATIENT, QUIET, Command, assert_no_traceback, endpoint, followed
 
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link.local_control import LocalRobot, local_robots
@@ -53,13 +54,16 @@ class Flood:
 def measure(kind: str, times: int, seconds: float, tell: Callable[[Flood], None]) -> list[Flood]:
     """Attack a robot that follows its controller, so many times; `kind` "none" is no attack."""
     at, floods = endpoint(), []
-    named = {"robot": (*PATIENT, "--set", "name=flooded"), "law": ("--set", "robot=flooded")}
-    with followed(at, **named) as services:
+    robot, law = ("--set", "name=flooded"), ("--set", "robot=flooded")
+    with followed(at, robot=(*QUIET, *PATIENT, *robot), law=(*QUIET, *law)) as services:
         (local,) = [one for one in local_robots() if one.name == "flooded"]
         _follows(local)
         for _ in range(times):
             floods.append(_one_flood(kind, at, seconds, local, services))
             tell(floods[-1])
+        for service in reversed(services):
+            assert floods[-1].ended or service.end(signal.SIGTERM) in {0, 1}
+            assert_no_traceback(service)
     return floods
 
 

@@ -21,15 +21,10 @@ MESSAGES_A_SECOND = 20_000
 QUERIES_A_SECOND = 3_000
 CONNECTIONS = 1_000
 PUTS = ("state", "setpoint", "events", "alive", "clients/x", "other")
+ASKED = ("status", "acquire", "release", "recover", "description", "nonsense")
 QUERIES = (
-    "ask/status",
-    "ask/acquire",
-    "ask/release",
-    "ask/recover",
-    "ask/description",
-    "ask/nonsense",
-    "control/change",
-    "control/show",
+    *(f"ask/{verb}/stranger" for verb in ASKED),
+    *("control/change/stranger", "control/show/stranger"),
 )
 KINDS = ("idle", "messages", "queries", *(f"big:{key}" for key in (*PUTS, *QUERIES)))
 
@@ -54,11 +49,9 @@ class Attacker:
                 self._session.close()
                 self._session = None
         if self._session is None:
-            config = {
-                "mode": "client",
-                "connect": {"endpoints": [self._endpoint], "timeout_ms": 500},
-                "scouting": {"multicast": {"enabled": False}},
-            }
+            there = {"endpoints": [self._endpoint], "timeout_ms": 500}
+            alone = {"multicast": {"enabled": False}}
+            config = {"mode": "client", "connect": there, "scouting": alone}
             with contextlib.suppress(zenoh.ZError):
                 self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
                 self.cut += 1
@@ -76,9 +69,7 @@ def send_big(endpoint: str, robot: str, leaf: str, end: float) -> dict[str, int]
             continue
         with contextlib.suppress(zenoh.ZError):
             if leaf in QUERIES:
-                replies = session.get(expression, payload=payload, timeout=1.0)
-                for _ in replies:
-                    pass
+                list(session.get(expression, payload=payload, timeout=1.0))
             else:
                 session.put(expression, payload, congestion_control=zenoh.CongestionControl.BLOCK)
         sent += 1
@@ -116,11 +107,11 @@ def send_messages(endpoint: str, robot: str, end: float) -> dict[str, int]:
 
 def send_queries(endpoint: str, robot: str, end: float) -> dict[str, int]:
     """Queries of all kinds whose answers are thrown away."""
-    keys = [f"robots/{robot}/{leaf}" for leaf in QUERIES if leaf != "ask/recover"]
+    keys = [f"robots/{robot}/{leaf}" for leaf in QUERIES if "recover" not in leaf]
 
     def send(session: zenoh.Session, number: int) -> None:
         ring = zenoh.handlers.RingChannel(1)  # a callback would have a thread for each query
-        session.get(keys[number % len(keys)], ring, payload=b"stranger", timeout=1.0)
+        session.get(keys[number % len(keys)], ring, timeout=1.0)
 
     return send_many(endpoint, end, QUERIES_A_SECOND, send)
 

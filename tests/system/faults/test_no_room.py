@@ -14,14 +14,16 @@ from support.command_bench import (
     PATIENCE_S,
     PATIENT,
     QUIET,
-    Command,
     assert_no_traceback,
     controller,
     emulator,
     endpoint,
+    followed,
     free_port,
+    observer_of,
     tell,
     wait_for_mode,
+    wait_for_ticks,
 )
 
 import hoap3
@@ -30,7 +32,6 @@ from hoap3.tools.logs.log import Log
 
 pytestmark = pytest.mark.slow
 
-OBSERVER = "hoap3.tools.services.observer"
 SMALL_FILES = ("--set", "log.file_mb=1")
 MODES_COUNT = ("setpriv", "--bounding-set=-dac_override") if os.geteuid() == 0 else ()
 SMALL_DISK = (
@@ -48,34 +49,18 @@ def use_up_descriptors(pid: int) -> tuple[int, int]:
     return before
 
 
-def observer_of(service: Command) -> int:
-    """Process id of its observer."""
-    (pid,) = [pid for pid, words in service.family().items() if OBSERVER in words]
-    return pid
-
-
-def assert_goes_on(at: str) -> None:
-    """It still follows its controller, and its ticks come."""
-    tick = tell("status", at)["tick"]
-    while wait_for_mode("active", at)["tick"] < tick + 200:
-        continue
-
-
-def test_a_full_disk_costs_the_log_alone(tmp_path: Path) -> None:
-    at = endpoint()
+def test_a_full_disk_costs_the_log_alone(tmp_path):
+    at, disk = endpoint(), (*SMALL_DISK, str(tmp_path))
+    words = "hoap3", *PATIENT, "--out", tmp_path / "log", "--json"
     with (
-        emulator(
-            *("hoap3", *PATIENT, "--out", tmp_path / "log", "--json"),
-            at=at,
-            wrapper=(*SMALL_DISK, str(tmp_path)),
-        ) as robot,
+        emulator(*words, at=at, wrapper=disk) as robot,
         hoap3.connect("hoap3", at) as connection,
         controller("qp12", *QUIET, at=at) as law,
     ):
         assert "LOG_LOST" in (event["event"] for event in connection.events(PATIENCE_S))
         robot.hear("robot's log is not whole: No space left on device")
         robot.hear(r"tick \d+: log lost \(No space left on device")
-        assert_goes_on(at)
+        wait_for_ticks(at, 200)
         assert robot.end(signal.SIGTERM) == 1
         assert robot.stderr.count("log is not whole") == 1
         assert len(robot.json()["log_lost"]) == 1
@@ -85,14 +70,11 @@ def test_a_full_disk_costs_the_log_alone(tmp_path: Path) -> None:
         robot.assert_no_orphan()
 
 
-def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(
-    tmp_path: Path,
-) -> None:
+def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(tmp_path):
     at, out = endpoint(), tmp_path / "log"
+    words = "hoap3", *PATIENT, *SMALL_FILES, "--out", out, "--json"
     with (
-        emulator(
-            *("hoap3", *PATIENT, *SMALL_FILES, "--out", out, "--json"), at=at, wrapper=MODES_COUNT
-        ) as robot,
+        emulator(*words, at=at, wrapper=MODES_COUNT) as robot,
         hoap3.connect("hoap3", at) as connection,
         controller("qp12", *QUIET, at=at) as law,
     ):
@@ -100,7 +82,7 @@ def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(
         out.chmod(0o555)
         assert "LOG_LOST" in (event["event"] for event in connection.events(PATIENCE_S))
         robot.hear("robot's log is not whole: .*Permission denied")
-        assert_goes_on(at)
+        wait_for_ticks(at, 200)
         assert robot.end(signal.SIGTERM) == 1
         assert len(robot.json()["log_lost"]) == 1
         assert law.end(signal.SIGTERM) == 0
@@ -115,16 +97,11 @@ def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(
 
 
 @pytest.mark.parametrize("side", ["robot", "controller"])
-def test_an_observer_without_descriptors_writes_on_and_serves_who_waits(
-    tmp_path: Path, side: str
-) -> None:
+def test_an_observer_without_descriptors_writes_on_and_serves_who_waits(tmp_path, side):
     at, out, port = endpoint(), tmp_path / "log", free_port()
     watched = ("--out", out, *SMALL_FILES, "--set", f"metrics.port={port}")
     kept = dict.fromkeys(("robot", "controller"), QUIET) | {side: watched}
-    with (
-        emulator("hoap3", *PATIENT, *kept["robot"], at=at) as robot,
-        controller("qp12", *kept["controller"], at=at) as law,
-    ):
+    with followed(at, robot=(*PATIENT, *kept["robot"]), law=kept["controller"]) as (robot, law):
         service = robot if side == "robot" else law
         service.hear("metrics at")
         wait_for_mode("active", at)
@@ -133,7 +110,7 @@ def test_an_observer_without_descriptors_writes_on_and_serves_who_waits(
         with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as client:
             client.sendall(b"GET /metrics HTTP/1.0\r\n\r\n")  # nobody can take it now
             while not (out / f"{side}.0001.mcap").exists():
-                assert_goes_on(at)
+                wait_for_ticks(at, 200)
             resource.prlimit(observer, resource.RLIMIT_NOFILE, before)
             assert b" 200 " in client.recv(100)
         assert law.end(signal.SIGTERM) == 0
@@ -144,15 +121,13 @@ def test_an_observer_without_descriptors_writes_on_and_serves_who_waits(
     assert not Log.open(out, side=side).missing
 
 
-def test_a_controller_without_descriptors_follows_its_robot_and_then_finds_another(
-    tmp_path: Path,
-) -> None:
+def test_a_controller_without_descriptors_follows_its_robot_and_then_finds_another(tmp_path):
     at = endpoint()
     with controller("qp12", "--out", tmp_path, at=at) as law:
         with emulator("hoap3", *QUIET, *PATIENT, at=at) as robot:
             wait_for_mode("active", at)
             before = use_up_descriptors(law.process.pid)
-            assert_goes_on(at)
+            wait_for_ticks(at, 200)
             robot.send(signal.SIGKILL)
             robot.end()
         with emulator("hoap3", *QUIET, *PATIENT, at=at) as robot:
@@ -165,11 +140,10 @@ def test_a_controller_without_descriptors_follows_its_robot_and_then_finds_anoth
         assert_no_traceback(law)
 
 
-def test_a_robot_without_descriptors_serves_whom_it_knows_and_then_all(tmp_path: Path) -> None:
+def test_a_robot_without_descriptors_serves_whom_it_knows_and_then_all(tmp_path):
     at = endpoint()
     with (
-        emulator("hoap3", *PATIENT, "--out", tmp_path, at=at) as robot,
-        controller("qp12", *QUIET, at=at) as law,
+        followed(at, robot=(*PATIENT, "--out", tmp_path)) as (robot, law),
         hoap3.connect("hoap3", at) as connection,
     ):
         wait_for_mode("active", at)

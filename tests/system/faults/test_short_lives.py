@@ -57,7 +57,7 @@ class TimedCommand(Command):
 def at() -> Iterator[str]:
     """Where a robot listens that follows a controller."""
     place = endpoint()
-    with followed(place, robot=(*PATIENT, *LEASE), law=LEASE):
+    with followed(place, robot=(*QUIET, *PATIENT, *LEASE), law=(*QUIET, *LEASE)):
         yield place
 
 
@@ -68,11 +68,9 @@ def cpu(tmp_path: Path) -> FakeCpu:
 
 def refused(kind: str, at: str, cpu: FakeCpu) -> TimedCommand:
     """A controller of a robot that follows another one, or a robot whose port is taken."""
-    words = {
-        "controller": ("qp12", "--set", f"link.connect=[{at}]"),
-        "emulator": ("hoap3", "--set", f"link.listen=[{at}]"),
-    }
-    return TimedCommand(kind, *words[kind], *WATCHED, environment=cpu.environment)
+    name, key = ("qp12", "connect") if kind == "controller" else ("hoap3", "listen")
+    link = "--set", f"link.{key}=[{at}]"
+    return TimedCommand(kind, name, *link, *WATCHED, environment=cpu.environment)
 
 
 def assert_ends(kind: str, at: str, cpu: FakeCpu) -> float:

@@ -36,14 +36,9 @@ from hoap3.robot_emulator.robots import load
 
 ROBOT = load("hoap3")
 DESCRIPTION = ROBOT.to_json()
-MODELS = {
-    "status": Status,
-    "stop": Status,
-    "recover": Recovery,
-    "acquire": GrantAnswer,
-    "show": ControlAnswer,
-    "change": ControlAnswer,
-}
+MODELS = {"recover": Recovery, "acquire": GrantAnswer}
+MODELS |= dict.fromkeys(("status", "stop"), Status)
+MODELS |= dict.fromkeys(("show", "change"), ControlAnswer)
 COMMANDS = {
     "status": ("status",),
     "stop": ("stop",),
@@ -188,10 +183,9 @@ def test_a_command_has_one_error_for_a_malformed_answer(verb, robots, tmp_path, 
         answers[0] = unusable(verb, draw)
         done = inside(*COMMANDS[verb], "--connect", at)
         assert done.code == 1, done
-        errors = done.stderr.splitlines()
-        assert len(errors) == 1
-        assert errors[0].startswith("error: "), errors
-        assert "'hoap3'" in errors[0]
+        (error,) = done.stderr.splitlines()
+        assert error.startswith("error: ")
+        assert "'hoap3'" in error
         assert list(tmp_path.iterdir()) == []
     answers[0] = good(verb, DESCRIPTION)
     assert inside(*COMMANDS[verb], "--connect", at).code == 0

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import VelocityController
 
 FASTEST = 0.01  # rad/s

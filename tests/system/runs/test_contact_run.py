@@ -44,5 +44,5 @@ def test_a_wrong_contact_is_one_line(tmp_path: Path):
     robot.write_text(yaml.safe_dump(wrong))
     done = inside("config", "check", robot)
     assert done.code == 2
-    message = f"{robot}: plant.contacts.0.frame: robot 'lwr' has no such frame (found 'hand')."
-    assert message in " ".join(done.stderr.split())
+    for word in (f"{robot}: plant.contacts.0.frame: ", "'hand'"):
+        assert word in done.stderr

@@ -5,7 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.command_bench import assert_at_rest, assert_no_traceback, events, hoap3, inside
+from support.command_bench import (
+    Command,
+    assert_at_rest,
+    assert_no_traceback,
+    events,
+    hoap3,
+    inside,
+)
 
 from hoap3.tools.logs.log import Log
 
@@ -29,29 +36,26 @@ RAISES = "raise ZeroDivisionError('a mistake\\nof mine')"
 GIVES_NAN = "return np.full(self.description.n, np.nan)"
 
 
-def law(folder: Path, failure: str) -> Path:
-    """Config of a controller that fails after some hundred steps."""
+def run_of(folder: Path, failure: str, *words: str) -> Command:
+    """A run of a controller that fails after some hundred steps."""
     (folder / "failing_law.py").write_text(CODE.format(failure=failure))
     path = folder / "law.yaml"
     path.write_text("controller: failing_law:Fails\n")
-    return path
+    return hoap3("run", *words, "--controller", path, "--out", folder / "log")
 
 
 @pytest.mark.parametrize("mode", ["--lockstep", "--no-realtime"])
-def test_a_controller_that_raises(tmp_path: Path, mode: str) -> None:
-    run = hoap3(
-        *("run", mode, "--duration", "60", "--controller", law(tmp_path, RAISES)),
-        *("--out", tmp_path / "log", "--json", "--set", "emulator.misses_to_stop=10000"),
-    )
+def test_a_controller_that_raises(tmp_path, mode):
+    given = "--duration", "60", "--json", "--set", "emulator.misses_to_stop=10000"
+    run = run_of(tmp_path, RAISES, mode, *given)
     assert run.end() == 1
     assert run.stdout == ""
     assert_no_traceback(run)
     errors = [line for line in run.stderr.splitlines() if line.startswith("error:")]
     assert len(errors) == 1
     where = "controller Fails failed at tick"
-    what = "ZeroDivisionError: a mistake of mine (failing_law.py, line 12)"
     assert where in errors[0]
-    assert what in errors[0]
+    assert "ZeroDivisionError: a mistake of mine (failing_law.py, line 12)" in errors[0]
     log = Log.open(tmp_path / "log", side="robot")
     assert not log.truncated
     assert_at_rest(log)
@@ -69,18 +73,11 @@ def test_a_controller_that_raises(tmp_path: Path, mode: str) -> None:
     ("failure", "error"),
     [
         ("raise SystemExit(0)", "SystemExit: 0 (failing_law.py, line 12)"),
-        pytest.param(
-            "return None",
-            "Fails.velocity gave None, not a contiguous array of float64",
-            marks=pytest.mark.long,
-        ),
+        pytest.param("return None", "Fails.velocity gave None", marks=pytest.mark.long),
     ],
 )
-def test_a_controller_that_ends_everything_or_gives_nothing(
-    tmp_path: Path, failure: str, error: str
-) -> None:
-    controller = law(tmp_path, failure)
-    run = hoap3("run", "--lockstep", "--controller", controller, "--out", tmp_path / "log")
+def test_a_controller_that_ends_everything_or_gives_nothing(tmp_path, failure, error):
+    run = run_of(tmp_path, failure, "--lockstep")
     assert run.end() == 1
     assert error in run.stderr
     assert_at_rest(Log.open(tmp_path / "log", side="robot"))
@@ -89,11 +86,8 @@ def test_a_controller_that_ends_everything_or_gives_nothing(
 @pytest.mark.parametrize(
     "mode", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.long)]
 )
-def test_a_controller_that_answers_nan(tmp_path: Path, mode: str) -> None:
-    run = hoap3(
-        *("run", mode, "--duration", "0.5", "--controller", law(tmp_path, GIVES_NAN)),
-        *("--out", tmp_path / "log", "--json"),
-    )
+def test_a_controller_that_answers_nan(tmp_path, mode):
+    run = run_of(tmp_path, GIVES_NAN, mode, "--duration", "0.5", "--json")
     assert run.end() == 1
     assert_no_traceback(run)
     summary = run.json()

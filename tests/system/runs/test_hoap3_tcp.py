@@ -22,7 +22,7 @@ from support.command_bench import (
     inside,
 )
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.robot import Robot
@@ -30,14 +30,13 @@ from hoap3.tools.verify.verify import verify
 
 HERE = Path(__file__).parent
 NEAR_M = 3e-5
+pytestmark = pytest.mark.slow
+
 QP12 = "--controller", "qp12"
-SHORTLY = [("paper", 22)]
-LATER = ("paper", 21), ("legacy", 21), ("legacy", 22)
-PAIRS = [*SHORTLY, *(pytest.param(*pair, marks=pytest.mark.slow) for pair in LATER)]
+SOON, LATER = (("paper", 22), ("legacy", 21)), (("paper", 21), ("legacy", 22))
+PAIRS = [*SOON, *(pytest.param(*pair, marks=pytest.mark.long) for pair in LATER)]
 COMPILER = shutil.which("cc")
-DRIVERS = (
-    [COMPILER, pytest.param(None, marks=pytest.mark.slow)] if COMPILER else [None]
-)  # None: in Python
+DRIVERS = [COMPILER, None] if COMPILER else [None]  # None: in Python
 
 
 class Place:
@@ -68,11 +67,8 @@ def over_zenoh(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     return last_com(folder)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("order", "slots"), PAIRS)
-def test_the_robot_ends_where_it_does_over_zenoh(
-    order: str, slots: int, over_zenoh: np.ndarray, tmp_path: Path
-) -> None:
+def test_the_robot_ends_where_it_does_over_zenoh(order, slots, over_zenoh, tmp_path):
     place, folder = Place(order, slots), tmp_path / "run"
     words = "hoap3", "--lockstep", "--duration", "2", "--out", folder, *place.words
     with Command("emulator", *words) as robot:
@@ -97,42 +93,27 @@ def test_the_robot_ends_where_it_does_over_zenoh(
     assert verify(folder).claims.by_tick() == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("order", "slots"), PAIRS)
-def test_in_real_time_it_ends_there_too(order: str, slots: int, tmp_path: Path) -> None:
+def test_in_real_time_it_ends_there_too(order, slots, tmp_path):
     """After 6 s the CoM has come to its target, so that a tick that was missed is made up for."""
     over_zenoh, folder = tmp_path / "zenoh", tmp_path / "run"
     time, counts = ("--duration", "6"), ("--set", "emulator.plant.encoder=counts")
     assert_ran(inside("run", *QP12, "--lockstep", *time, "--out", over_zenoh, *counts))
     keys = f"order={order}", f"slots={slots}"
     each = ["link.kind=hoap3_tcp", *(f"link.hoap3_tcp.{key}" for key in keys)]
-    words = [f"emulator.{text}" for text in (*each, "misses_to_stop=9999")]
+    words = [f"emulator.{text}" for text in (*each, "misses_to_stop=9999", "name=other")]
     given = [word for text in words for word in ("--set", text)]
     done = inside("run", *QP12, *time, "--out", folder, "--json", *given)
     assert done.code in {0, 1}, done.stderr
     told = done.json()
     assert np.linalg.norm(last_com(folder) - last_com(over_zenoh)) < NEAR_M
+    assert told["transport"].startswith("hoap3_tcp")
+    assert told["rtt_us"]["n"] > 100
+    assert told["stages_us"]["solve"]["n"] == 0  # the client's stamps do not travel
     link, misses, outside = told["link_counts"], told["misses"], told["misses_outside_stalls"]
     assert link["unasked"] == link["not_finite"] == link["refused"] == 0
     if outside is not None:  # stalls of the host are known: each overrun, a miss, is within one
         assert link["overruns"] <= misses["late"] + misses["lost"] + told["skipped"] - outside
-    assert_at_rest(Log.open(folder, side="robot"))
-    assert verify(folder).claims.by_tick() == []
-
-
-@pytest.mark.parametrize("order", ["legacy", pytest.param("paper", marks=pytest.mark.slow)])
-@pytest.mark.slow
-def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    words = "emulator.link.kind=hoap3_tcp", f"emulator.link.hoap3_tcp.order={order}"
-    words = (*words, "emulator.misses_to_stop=9999", "emulator.name=other")
-    given = [word for text in words for word in ("--set", text)]
-    with Command("run", *QP12, "--duration", "1", "--out", folder, "--json", *given) as run:
-        assert run.end() in {0, 1}, run.stderr
-        told = run.json()
-    assert told["transport"].startswith("hoap3_tcp")
-    assert told["rtt_us"]["n"] > 100
-    assert told["stages_us"]["solve"]["n"] == 0  # the client's stamps do not travel
     assert_at_rest(Log.open(folder, side="robot"))
     assert verify(folder).claims.by_tick() == []
 
@@ -148,26 +129,16 @@ def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return [str(made)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("order", ["paper", pytest.param("legacy", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "how", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.slow)]
-)
-def test_another_program_has_its_500_exchanges(
-    how: str, order: str, driver: list[str], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("order", ["paper", "legacy"])
+@pytest.mark.parametrize("how", ["--lockstep", "--no-realtime"])
+def test_another_program_has_its_500_exchanges(how, order, driver, tmp_path):
     place, folder = Place(order, 21), tmp_path / "run"
     patient = "--set", "misses_to_stop=100000"
     with Command("emulator", "hoap3", how, "--out", folder, *patient, *place.words) as robot:
         robot.hear("is alive at")
         ports = [str(port) for port in place.ports]
-        done = subprocess.run(
-            [*driver, *ports, order, "21", "1"],
-            check=False,
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
+        words = [*driver, *ports, order, "21", "1"]
+        done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=120)
         assert robot.end(15) in {0, 1}, robot.stderr
     assert done.returncode == 0, done.stderr
     exchanges, count = done.stdout.split()
@@ -182,13 +153,8 @@ def test_another_program_has_its_500_exchanges(
     assert verify(folder).claims.by_tick() == []
 
 
-@pytest.mark.parametrize(
-    "sent", [84, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1, 167))]
-)
-@pytest.mark.slow
-def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(
-    sent: int, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("sent", [84, 0, 1, 167])
+def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(sent, tmp_path):
     place, folder, frame = Place("paper", 21), tmp_path / "run", struct.Struct("<21d")
     with Command("emulator", "hoap3", "--lockstep", "--out", folder, *place.words) as robot:
         robot.hear("is alive at")

@@ -15,10 +15,10 @@ from support.command_bench import (
     PATIENT,
     QUIET,
     assert_no_traceback,
-    controller,
     emulator,
     endpoint,
     events,
+    followed,
 )
 
 import hoap3
@@ -26,8 +26,8 @@ from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.link.zenoh_session import session_name
 from hoap3.protocol.secure.access import read_access
 from hoap3.protocol.secure.credentials import read_credentials
-from hoap3.tools.certs.authority import renew, revoke
 from hoap3.tools.logs.log import Log
+from hoap3.tools.services.certificates import renew, revoke
 from hoap3.tools.services.connection import Connection
 
 pytestmark = pytest.mark.slow
@@ -63,11 +63,7 @@ def until_mode(seen: Connection, mode: str) -> None:
 def test_a_holder_that_is_revoked_goes_and_nobody_else_notices(certs, at, tmp_path):
     out, begins = tmp_path / "log", []
     robot, law = ("--secure", certs / "hoap3"), ("--secure", certs / "qp")
-    with (
-        emulator("hoap3", *PATIENT, "--out", out, *robot, at=at) as ours,
-        controller("qp12", *QUIET, *law, at=at) as theirs,
-    ):
-        theirs.hear("following robot")
+    with followed(at, robot=(*PATIENT, "--out", out, *robot), law=(*QUIET, *law)) as (ours, theirs):
         file = certs / "hoap3" / "access.yaml"
         with hoap3.connect("hoap3", at, secure=certs / "otto") as seen:
             until_mode(seen, "active")

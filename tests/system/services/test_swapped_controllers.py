@@ -18,8 +18,8 @@ from support.command_bench import (
     emulator,
     endpoint,
     inside,
-    tell,
     wait_for_mode,
+    wait_for_ticks,
 )
 
 TICKS = 1500  # for which each controller commands, or a little more
@@ -30,9 +30,7 @@ def turn(name: str, at: str) -> None:
     """A controller commands the robot for a while, and gives it back."""
     with controller(name, *QUIET, at=at) as command:
         command.hear("following robot")
-        first = wait_for_mode("active", at)["tick"]
-        while tell("status", at)["tick"] < first + TICKS:
-            pass
+        wait_for_ticks(at, TICKS)
         assert command.end(signal.SIGTERM) == 0
         assert_no_traceback(command)
     wait_for_mode("idle", at)

@@ -8,8 +8,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.base import Controller
 
 

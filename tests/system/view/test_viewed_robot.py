@@ -1,17 +1,28 @@
-"""The live page's server with a robot that runs: what it shows, and who moves it."""
+"""The live page's server with a robot that runs: what it shows, who moves it, and letting go."""
 
 from __future__ import annotations
 
 import json
+import os
 import signal
 import time
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from support.command_bench import Command, endpoint, tell, wait_for_mode
-from support.pages.steered_arm import FAR, HOME, ROBOT, address, goes_to, hand, steer, tool
+from support.pages.steered_arm import (
+    FAR,
+    HOME,
+    ROBOT,
+    address,
+    dragging,
+    goes_to,
+    hand,
+    steer,
+    tool,
+    until_rest,
+)
 from support.pages.view_bench import page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
@@ -195,18 +206,6 @@ def test_who_does_not_know_the_token_moves_nothing(home, host, token, robot, at)
     assert robot.changeable()["tasks"]["hand"]["gain_per_s"] == 10.0
 
 
-def test_one_page_steers_at_a_time(home, host, token):
-    with page(host, token) as first, page(host, token) as second:
-        steer(first)
-        assert second.prove()
-        assert "another page" in second.act(verb="acquire")["error"]
-        assert second.act(verb="target", name="hand", values=FAR)["error"]
-        assert second.hear("frame", operator="other")
-        assert first.act(verb="release")["error"] is None
-        assert second.act(verb="acquire")["error"] is None
-        assert second.act(verb="release")["error"] is None
-
-
 def test_two_programs_do_not_steer_at_once(home, host, token, robot):
     robot.acquire(timeout_s=10.0)
     with page(host, token) as pen:
@@ -253,7 +252,29 @@ def test_a_robot_that_is_not_there_is_said_to_be():
         assert "nothing answers" in command.stderr
 
 
-def test_the_command_of_the_examples_folder_is_told_a_wrong_word(tmp_path: Path):
-    with Command("view", str(tmp_path / "nothing.mcap"), "--port", "0") as command:
-        assert command.end() == 2
-        assert "Traceback" not in command.stderr
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_page_that_freezes_or_is_killed_while_it_drags_lets_go(number, home, host, token, robot):
+    with dragging(host, token, FAR) as process:
+        os.kill(process.pid, number)
+        since = robot.state()
+        took, place = until_rest(robot, since)
+        print(f"{number.name}: at rest after {took:.3f} s")
+        assert np.linalg.norm(place - FAR) > 0.05  # it did not go on to where it was dragged
+        with page(host, token) as pen:
+            steer(pen)
+            free = robot.state().tick - since.tick
+            print(f"the next page steers after {free} ticks")
+            pen.act(verb="release")
+
+
+def test_a_page_that_is_closed_while_it_drags_lets_go(home, host, token, robot):
+    with page(host, token) as pen:
+        steer(pen)
+        pen.act(verb="target", name="hand", values=FAR)
+        for _ in range(15):  # half a second: it moves
+            pen.beat()
+            pen.hear("frame")
+        since = robot.state()
+    took, place = until_rest(robot, since)
+    print(f"closed: at rest after {took:.3f} s")
+    assert np.linalg.norm(place - FAR) > 0.05

@@ -1,4 +1,4 @@
-"""Every family of controllers on an arm with followers and continuous joints, judged by verify."""
+"""Every family of controllers on an arm with mimic and continuous joints, checked by verify."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ def dynamic(**more: object) -> dict[str, Any]:
     return {"tasks": tasks({"kp": 30.0, "kd": 12.0}, rest=True), **more}
 
 
+TWO = {"order": ["hand", "turn"]}
 ORDER = {"order": ["hand", "turn", "rest"]}
 KEPT = [
     {"constraint": "joint_position"},
@@ -46,10 +47,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "clik": ("position", {"tasks": tasks({"gain_per_s": 2.0})}),
     "clik_sdp": ("position", {"tasks": tasks({}), "beta_per_s": 4.0}),
     "stable_qp": ("position", {"constraints": KEPT}),
-    "ghc_velocity": (
-        "position",
-        {"tasks": tasks({"gain_per_s": 2.0}), "priorities": {"order": ["hand", "turn"]}},
-    ),
+    "ghc_velocity": ("position", {"tasks": tasks({"gain_per_s": 2.0}), "priorities": TWO}),
     "ghc": ("torque", dynamic(priorities=ORDER)),
     "ghc_torque": ("torque", dynamic(priorities=ORDER)),
     "hqp": ("torque", dynamic(priorities=ORDER)),
@@ -61,10 +59,10 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 QUICK = ("clik", "stable_qp", "tsid")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES],
-)
+EACH = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
+
+
+@pytest.mark.parametrize("name", EACH)
 def test_a_controller_moves_it_and_its_log_is_true(name: str, tmp_path: Path) -> None:
     command, parameters = CASES[name]
     config = {"controller": name, "robot": "following", "parameters": parameters}
@@ -78,7 +76,7 @@ def test_a_controller_moves_it_and_its_log_is_true(name: str, tmp_path: Path) ->
 
 
 def test_a_continuous_joint_turns_more_than_once(tmp_path: Path) -> None:
-    """7 rad, and back to where no limit is; the followers' law is kept by what is told of them."""
+    """7 rad and back, where no limit is; mimic joints keep their relation."""
     robot = {"robot": str(write(tmp_path).parent), "command": "position"}
     parameters = {"tasks": tasks({"gain_per_s": 5.0})[1:]}
     found = simulate(robot, {"controller": "clik", "parameters": parameters}, 5.0)

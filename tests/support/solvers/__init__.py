@@ -1,0 +1,1 @@
+"""Solvers as tests call them."""
