@@ -3,7 +3,7 @@
     python examples/environment.py
 
 The arm takes torques, 100 times a second, from wherever an episode puts it, and shall come to its
-start posture soon, and stay. `hoap3.Environment` has the signature of a `gymnasium.Env`, so any
+start posture soon, and stay. `hoap3.Environment` is a `gymnasium.Env`, so any
 agent can take the place of `search`.
 """
 

@@ -73,7 +73,6 @@ def rho() -> Figure:
     runs = {
         "largest": run(1.5, BEYOND, constraints, **chosen, rho="largest"),
         "damped": run(1.5, BEYOND, constraints, **chosen),
-        "largest, keep_rho": run(1.5, BEYOND, constraints, **chosen, rho="largest", keep_rho=True),
     }
     for axes, name in ((largest, "largest"), (damped, "damped")):
         found = runs[name]

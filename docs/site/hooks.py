@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 import hoap3
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.tools.cli.app import command_line
-from hoap3.tools.services.config_keys import FAMILIES, SIDES, config_keys
+from hoap3.tools.services.settings import REGISTRIES, SIDES, config_keys
 
 HOUSE = Path(__file__).resolve().parents[2]
 _SOURCE = re.compile(r'(src|srcset)="docs/')
@@ -90,7 +90,7 @@ def settings() -> str:
     parts = [SETTINGS]
     topics = [(side, None) for side in SIDES]
     topics += [
-        (kind, name) for kind, each in FAMILIES.items() for name in sorted(each.registered())
+        (kind, name) for kind, each in REGISTRIES.items() for name in sorted(each.registered())
     ]
     for kind, name in topics:
         rows = config_keys(kind, name)

@@ -15,18 +15,19 @@ from typing import Any
 import numpy as np
 from canvas import Canvas
 
-from hoap3.protocol.description import COM
 from hoap3.protocol.messages import Target
+from hoap3.protocol.robot.description import COM
 from hoap3.remote_controller.config import read_config as controller_content
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.analysis.report.motion import point_path
 from hoap3.tools.logs.log import Log
 from hoap3.tools.picture.body import Body
-from hoap3.tools.picture.flat import Flat
 from hoap3.tools.picture.marks import Marks
 from hoap3.tools.picture.stage import Stage
-from hoap3.tools.report.motion import point_path
+from hoap3.tools.picture.svg import Flat
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run import run_lockstep
-from hoap3.tools.simulate import controller_settings, emulator_settings, simulate
+from hoap3.tools.simulate import simulate
 
 FOLDER = Path(__file__).parent
 SIZE = (560, 500)  # px; a page shows it at two thirds of that
@@ -64,7 +65,7 @@ class Film:
         stage = Stage.around(body, placements, self.marks, room, 14.0, **self.seen_from)
         for placement, marks in zip(placements, self.marks, strict=True):
             canvas = Canvas(*SIZE)
-            canvas.paint(stage.paint(placement, marks, FACES))
+            canvas.paint(stage.paint(placement, marks))
             self._write_legend(canvas)
             yield canvas.image
 
@@ -121,8 +122,8 @@ def com(count: int) -> Film:
     }
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "run"
-        emulator = emulator_settings("hoap3", 0)
-        run_lockstep(emulator, controller_settings(law), START_S + ROUND_S, folder)
+        emulator = load_emulator_config("hoap3", seed=0)[0]
+        run_lockstep(emulator, load_controller_config(law)[0], START_S + ROUND_S, folder)
         states = Log.open(folder, "robot").states()
     rows = chosen((states["stamp_intended"] - states["stamp_intended"][0]) * 1e-9, START_S, count)
     q = np.asarray(states["q"][rows], float)

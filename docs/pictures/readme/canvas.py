@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.tools.html.palette import COLOURS
-from hoap3.tools.picture.flat import Flat
+from hoap3.tools.picture.palette import COLOURS
+from hoap3.tools.picture.svg import Flat
 
 LARGER = 4  # times, on the way
 DASH, GAP = 5.0, 4.0  # of a line with gaps [px]

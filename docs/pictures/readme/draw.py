@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from canvas import Canvas
 
-from hoap3.protocol.description import COM
+from hoap3.protocol.robot.description import COM
+from hoap3.remote_controller.constraints.support.polygon import hull
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.analysis.report.motion import point_path
 from hoap3.tools.picture.body import Body, Placement
-from hoap3.tools.picture.floor import hull
 from hoap3.tools.picture.marks import Marks
 from hoap3.tools.picture.stage import Stage
-from hoap3.tools.report.motion import point_path
 from hoap3.tools.simulate import simulate
 
 FOLDER = Path(__file__).parent
@@ -33,7 +33,7 @@ def side_by_side(
     canvas = Canvas(width * len(shown), height + TITLE)
     for place, (title, body, placement, marks) in enumerate(shown):
         stage = Stage.around(body, [placement], [marks], (width, height), 12.0)
-        canvas.paint(stage.paint(placement, marks, FACES), (place * width, TITLE))
+        canvas.paint(stage.paint(placement, marks), (place * width, TITLE))
         canvas.write((place * width + width / 2, TITLE - 14), title, "soft", 16.0, "ms")
     return canvas.image
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from hoap3.tools.report.write import write_report
+from hoap3.tools.analysis.report.page import write_report
+from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run import run_realtime
-from hoap3.tools.simulate import controller_settings, emulator_settings
 
 FOLDER = Path(__file__).resolve().parent
 WIDTH, END = 1180, "#figure-views"  # px; a picture ends below that figure
@@ -30,7 +30,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as driver:
         os.chdir(scratch)  # a report says where its log is
         folder = Path("hoap3_qp12")
-        sides = emulator_settings("hoap3", 0), controller_settings("qp12")
+        sides = load_emulator_config("hoap3", seed=0)[0], load_controller_config("qp12")[0]
         run_realtime(*sides, SECONDS, folder, lambda _: None)
         page_file = Path(write_report(folder)["report"]).resolve()
         browser = driver.chromium.launch(
