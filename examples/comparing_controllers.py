@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import hoap3
-from hoap3.tools.compare.comparison import Comparison, compare
-from hoap3.tools.compare.figures import cell
+from hoap3.tools.analysis.compare.comparison import Comparison, compare
+from hoap3.tools.analysis.compare.figures import cell
 
 CONTROLLERS = ["qp12", "gentle=qp12@gamma=0.9", "pinv", "stable_qp"]
 COLUMNS = {

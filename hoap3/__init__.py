@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from hoap3.robot_emulator.robots import load as load_robot
     from hoap3.tools.environment.environment import Environment
     from hoap3.tools.services.connection import Connection, connect
-    from hoap3.tools.simulate import simulate
+    from hoap3.tools.services.simulate import simulate
 
 __all__ = [  # not Environment, which needs an extra: `from hoap3 import *` works without it
     "AuthorityError",
@@ -97,7 +97,7 @@ _LAZY = {
     "bounds": "hoap3.remote_controller.bounds",
     "connect": "hoap3.tools.services.connection:connect",
     "load_robot": "hoap3.robot_emulator.robots:load",
-    "simulate": "hoap3.tools.simulate:simulate",
+    "simulate": "hoap3.tools.services.simulate:simulate",
     "solvers": "hoap3.remote_controller.solvers",
 }
 """Where each name is that is loaded at its first use: a module, or a name in one."""

@@ -14,7 +14,7 @@ from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.remote_controller.controllers.acceleration.soles.settings import ContactSettings
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 TRUNKS = {"hoap3_standing_torque": "pelvis", "humanoid32_standing": "chest"}
 """By emulator config, the link that is pushed."""

@@ -12,7 +12,7 @@ from runs import Run
 
 from hoap3.protocol.config.settings import load_yaml
 from hoap3.remote_controller.config import CONFIGS
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 
 def shipped(**change: Any) -> Run:

@@ -14,7 +14,7 @@ from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 POINTS = 240  # of a curve at the most
 TARGET = (0.01, 0.025, 0.2869)  # m, of the centre of mass in the right sole's frame: the paper's

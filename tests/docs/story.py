@@ -17,9 +17,9 @@ from unittest.mock import patch
 
 from pages import Block, blocks
 
+from hoap3.tools.analysis.compare.candidates import read_candidates
 from hoap3.tools.cli.app import command_line, main
 from hoap3.tools.cli.options import with_secure
-from hoap3.tools.compare.candidates import read_candidates
 from hoap3.tools.services import configs
 
 _ASSIGNMENT = re.compile(r"PYTHONPATH=(\S+)")

@@ -13,7 +13,7 @@ from pages import HOUSE, blocks
 
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.lyapunov_qp.stable_qp import StableQpController
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 PAGE = "choosing.md"
 FOLDER = HOUSE / "docs" / "pictures"

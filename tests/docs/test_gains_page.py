@@ -18,7 +18,7 @@ from hoap3.remote_controller.solvers.sdp.sdp_gains import PATHS, SdpGains
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.certificates import CertificateCount, in_a_line
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 PAGE = "gains.md"
 START = {"robot": "ur5", "posture": "outstretched"}

@@ -10,7 +10,7 @@ import yaml
 from pages import blocks
 
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 PAGE = "priorities.md"
 FRAGMENTS = [block for block in blocks(PAGE) if block.language == "yaml" and not block.word]

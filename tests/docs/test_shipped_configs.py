@@ -18,7 +18,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.settings import json_schema
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 ROOT = CONFIGS.resolve().parents[1]
 NAMES = sorted(path.stem for path in CONFIGS.glob("*.yaml"))

@@ -27,6 +27,7 @@ from fuzzing import (
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.analysis.report.content import read_content
 from hoap3.tools.analysis.report.page import write_report
 from hoap3.tools.logs.export import export
@@ -35,7 +36,6 @@ from hoap3.tools.logs.log_format import CHANNELS, pack_string, unpack_string
 from hoap3.tools.logs.mcap_scan import McapMessage, McapScan
 from hoap3.tools.logs.mcap_write import McapFile
 from hoap3.tools.logs.repair import repair
-from hoap3.tools.replay import replay
 from hoap3.tools.verify.verify import verify
 from hoap3.tools.view.sources.log_overview import Overview
 from hoap3.tools.view.sources.log_source import LogSource

@@ -25,7 +25,7 @@ from hoap3.remote_controller.references.settings import SplineSettings
 from hoap3.remote_controller.references.trajectories.motion_file import read_motion
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
-from hoap3.tools.compare.candidates import split
+from hoap3.tools.analysis.compare.candidates import split
 from hoap3.tools.logs.log_format import pack_string, unpack_input
 
 SINGLE = [*"019aexEn_+-.,:;?!*&#%@=|><~^$()[]{}'\"`/\\ \n\t\r\0\x1b\x85é𝟙", "\u2028", "\ufeff"]

@@ -14,7 +14,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 from hoap3.tools.testing.controller_case import ControllerCase, controller_case
 
 LAWS: dict[str, dict[str, Any]] = {

@@ -28,8 +28,8 @@ from hoap3.protocol.messages import State
 from hoap3.remote_controller.controllers.base import VelocityController
 from hoap3.remote_controller.registry import BUILTIN
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import simulate
+from hoap3.tools.analysis.replay import replay_records
+from hoap3.tools.services.simulate import simulate
 from hoap3.tools.testing.controller_case import controller_case
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims

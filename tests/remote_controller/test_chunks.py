@@ -15,9 +15,9 @@ import hoap3
 from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.tools.replay import replay_records
+from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.configs import load_controller_config
-from hoap3.tools.simulate import Simulation
+from hoap3.tools.services.simulate import Simulation
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controllers.velocity import ghc_velocity

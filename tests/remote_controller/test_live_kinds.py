@@ -17,9 +17,9 @@ from hoap3.remote_controller.config import build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.replay import replay_records
+from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Simulation
+from hoap3.tools.services.simulate import Simulation
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs

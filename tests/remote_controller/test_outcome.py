@@ -27,7 +27,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.certificates import CountingRecorder
 from hoap3.tools.analysis.verdicts import judge
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 NOTHING_HELD = {"interventions": 0, "torque_limited": 0}
 

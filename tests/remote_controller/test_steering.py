@@ -19,9 +19,9 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.references.live.live_plan import Bounds
 from hoap3.remote_controller.steering import LEASE_S, REFUSALS, Steering
-from hoap3.tools.replay import replay_records
+from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.configs import load_controller_config
-from hoap3.tools.simulate import Simulation
+from hoap3.tools.services.simulate import Simulation
 
 T = 1e-3
 LEASE = round(LEASE_S / T)

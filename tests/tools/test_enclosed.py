@@ -13,12 +13,12 @@ from support.command_bench import assert_ran, inside
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import ControllerConfig
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.logs.log_format import CHANNELS, pack_input, unpack_input
 from hoap3.tools.logs.mcap_scan import McapScan
 from hoap3.tools.logs.mcap_write import McapFile
 from hoap3.tools.logs.motion_files import reopened
 from hoap3.tools.logs.repair import repair
-from hoap3.tools.replay import replay
 from hoap3.tools.verify.verify import verify
 
 Change = Callable[[bytes], bytes]

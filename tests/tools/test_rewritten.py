@@ -9,9 +9,9 @@ import pytest
 from support.command_bench import assert_ran, inside
 from support.logs.rewritten_log import WAYS, rewritten
 
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.analysis.report.content import read_content
-from hoap3.tools.latency.latency import analyse_log
-from hoap3.tools.replay import replay
+from hoap3.tools.bench.latency.latency import analyse_log
 from hoap3.tools.verify.verify import verify
 
 FAST = {"lz4", "shuffled"}

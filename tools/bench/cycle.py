@@ -23,7 +23,7 @@ from hoap3.tools.bench.case_runner import (
     time_cases,
 )
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 STATES, MOTION_STATES = 512, 256
 FIRST = 10  # State of a motion: those before belong to the start

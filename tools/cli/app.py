@@ -314,7 +314,7 @@ def replay(
 ) -> None:
     """Run the logged controller on its logged inputs and compare every setpoint."""
     watch_compilation()
-    from hoap3.tools.replay import replay as again
+    from hoap3.tools.analysis.replay import replay as again
 
     with progress(f"replay {log}") as meter:
         report = again(

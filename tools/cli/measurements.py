@@ -35,7 +35,7 @@ def doctor(
     ] = True,
 ) -> None:
     """Say whether this machine is fit for 1 kHz, with a remedy for each finding."""
-    from hoap3.tools.doctor.doctor import run_doctor
+    from hoap3.tools.bench.doctor.doctor import run_doctor
 
     raise typer.Exit(run_doctor(as_json, measure))
 
@@ -102,7 +102,7 @@ def latency(
     stop = StopFlag()
     from hoap3.tools.analysis.verdicts import failed
     from hoap3.tools.bench.case_runner import run_benchmark
-    from hoap3.tools.latency.latency import Plan, analyse_log, measure_latency, show_latency
+    from hoap3.tools.bench.latency.latency import Plan, analyse_log, measure_latency, show_latency
     from hoap3.tools.services.configs import load_emulator_config
 
     def measure(meter: Meter) -> dict[str, Any]:
@@ -178,9 +178,9 @@ def compare(
 
     check_extra("report")
     watch_compilation()
+    from hoap3.tools.analysis.compare.comparison import compare as make
+    from hoap3.tools.analysis.compare.output import RESULT, show, write
     from hoap3.tools.analysis.result_folder import make_folder, new_name
-    from hoap3.tools.compare.comparison import compare as make
-    from hoap3.tools.compare.output import RESULT, show, write
 
     folder = out or new_name(Path("compared"))
     with progress("compare") as meter:
@@ -270,10 +270,10 @@ def soak(
     watch_compilation()
     from hoap3.tools.analysis.summary import LiveTable
     from hoap3.tools.bench.case_runner import run_benchmark
+    from hoap3.tools.bench.soak.soak import ROTATED, show_soak, with_metrics
+    from hoap3.tools.bench.soak.soak import soak as run_soak
+    from hoap3.tools.bench.soak.watch import Plan
     from hoap3.tools.services.configs import load_pair
-    from hoap3.tools.soak.soak import ROTATED, show_soak, with_metrics
-    from hoap3.tools.soak.soak import soak as run_soak
-    from hoap3.tools.soak.watch import Plan
 
     whole = _minutes(hours, minutes)
     warm_up = min(WARM_UP * whole, WARM_UP_MIN) if warm_up_minutes is None else warm_up_minutes

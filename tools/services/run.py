@@ -165,7 +165,7 @@ def run_lockstep(
 
     `report` takes how many ticks are done, of how many.
     """
-    from hoap3.tools.simulate import Lockstep
+    from hoap3.tools.services.simulate import Lockstep
 
     check_open_files()
     emulator, description = resolve_configs(emulator, controller, files)

@@ -17,7 +17,7 @@ from hoap3.remote_controller.registry import find
 from hoap3.robot_emulator.config import EmulatorConfig, available_configs
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.services.configs import load_emulator_config, resolve_configs
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 from hoap3.tools.testing.body import Body, moved
 
 

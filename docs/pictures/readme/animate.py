@@ -27,7 +27,7 @@ from hoap3.tools.picture.stage import Stage
 from hoap3.tools.picture.svg import Flat
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run import run_lockstep
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 FOLDER = Path(__file__).parent
 SIZE = (560, 500)  # px; a page shows it at two thirds of that

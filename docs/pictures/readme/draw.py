@@ -17,7 +17,7 @@ from hoap3.tools.analysis.report.motion import point_path
 from hoap3.tools.picture.body import Body, Placement
 from hoap3.tools.picture.marks import Marks
 from hoap3.tools.picture.stage import Stage
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 FOLDER = Path(__file__).parent
 ROBOTS = ("hoap3", "humanoid32", "baxter_left_arm", "lwr", "ur5")

@@ -15,7 +15,7 @@ from hoap3.robot_emulator.robots import available, load
 from hoap3.tools.cli.app import run
 from hoap3.tools.cli.measurements import soak
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep, simulate
+from hoap3.tools.services.simulate import Lockstep, simulate
 
 T = 1e-3
 NEAR_STOP = """

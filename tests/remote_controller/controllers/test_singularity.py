@@ -22,7 +22,7 @@ from hoap3.remote_controller.controllers.singularity import (
     SingularityExit,
 )
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.replay import replay_records
+from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun, runs

@@ -22,7 +22,7 @@ from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.tasks.registry import BUILTIN
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 V_ONLY, ERROR = {"task": "own_tasks:Sway"}, {"task": "own_tasks:Reach"}
 TASKS = {name: (robot, {"task": name, "parameters": given}) for robot, name, given in ROWS.values()}

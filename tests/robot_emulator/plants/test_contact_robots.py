@@ -15,7 +15,7 @@ from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.config import ContactSettings, EmulatorConfig
 from hoap3.robot_emulator.filters.acceleration import TORQUE_MARGIN, TorqueFilter
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 PLANE = {"frame": "ee", "point_m": [0.0, 0.0, 0.3], "normal": [0.0, 0.0, 1.0]}
 

@@ -15,7 +15,7 @@ from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
 from hoap3.robot_emulator.plants.position_servo import PositionServo
 from hoap3.robot_emulator.plants.rigid_body import RigidBody
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 SPRINGY = """
 from pydantic import Field

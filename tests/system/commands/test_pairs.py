@@ -32,7 +32,7 @@ from hoap3.tools.services.configs import (
     load_emulator_config,
     resolve_configs,
 )
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 CELLS = [(config, robot) for config, names in PAIRS.items() for robot in names]
 OF_THE_ROBOT = ["qp12", "pinv", "osqp", "stable_qp", "clik_sdp", "tsid"]

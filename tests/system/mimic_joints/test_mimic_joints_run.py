@@ -11,7 +11,7 @@ import yaml
 from support.command_bench import inside
 from support.robots.following_arm import write
 
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 from hoap3.tools.verify.verify import verify
 
 SECONDS = 0.1

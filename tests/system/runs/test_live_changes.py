@@ -26,8 +26,8 @@ from support.command_bench import (
 )
 
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.logs.log import Log
-from hoap3.tools.replay import replay
 from hoap3.tools.verify.verify import verify
 
 pytestmark = pytest.mark.slow

@@ -37,7 +37,7 @@ from hoap3.tools.analysis.summary import LiveTable
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.messages import LoopEvent, StatusMessage
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 TICKS = 1000
 

@@ -35,7 +35,7 @@ from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.logs.log_format import OF_OTHERS
 from hoap3.tools.logs.log_writer import LogWriter
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 DURATION, SEED = 1.5, 7  # with few joints, γ matters only where a second one sets in
 

@@ -34,8 +34,8 @@ import hoap3
 from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
 from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.logs.log import Log, Rows
-from hoap3.tools.replay import replay
 from hoap3.tools.services.connection import Connection
 from hoap3.tools.verify.verify import verify
 

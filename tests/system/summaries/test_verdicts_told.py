@@ -23,7 +23,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.certificates import in_a_line
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run_statistics import RunStatistics
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 from hoap3.tools.verify.verify import verify
 
 GOOD = {"deadlines": "pass", "task": "pass", "limits_and_balance": "pass"}

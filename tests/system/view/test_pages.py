@@ -27,8 +27,8 @@ from support.pages.steered_arm import pose
 
 import hoap3
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.logs.log import Log
-from hoap3.tools.replay import replay
 
 pytestmark = pytest.mark.long
 ROBOT, TOOL = "ur5", "tool0"

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from hoap3.tools.analysis import output
 from hoap3.tools.analysis.output import Meter, print_json, print_line, progress
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 
 class Time:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError
-from hoap3.tools.compare.candidates import read_candidates, split
+from hoap3.tools.analysis.compare.candidates import read_candidates, split
 
 NAMES = st.sampled_from(["qp12", "pinv", "a.b:Class", "./dir/x=1.yaml", "me@home.yaml", "../@.yml"])
 KEYS = st.from_regex(r"[a-z_][a-z0-9_]{0,5}(\.[a-z]{1,4})?", fullmatch=True)

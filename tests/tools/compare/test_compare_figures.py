@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.compare.figures import WORDS, Series, figures, findings, value
+from hoap3.tools.analysis.compare.figures import WORDS, Series, figures, findings, value
 
 pytestmark = pytest.mark.slow
 

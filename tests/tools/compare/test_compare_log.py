@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from hoap3.protocol.errors import ConfigError, Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.analysis.compare.comparison import compare
 from hoap3.tools.cli.measurements import compare as command
-from hoap3.tools.compare.comparison import compare
 from hoap3.tools.logs.log import Log
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run import run_lockstep

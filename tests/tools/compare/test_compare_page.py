@@ -9,9 +9,9 @@ import pytest
 from support.html_page import Page
 
 from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.tools.analysis.compare.comparison import compare
+from hoap3.tools.analysis.compare.page import ROLES, SECTIONS, drawings, page
 from hoap3.tools.analysis.document import POLICY
-from hoap3.tools.compare.comparison import compare
-from hoap3.tools.compare.page import ROLES, SECTIONS, drawings, page
 
 PLOTS = ["error", "v", "active", "switching", "control_effort", "certificates"]
 EVIL = "</pre><script>alert(1)</script><img src=x onerror='a()'>\" onload=\"b()"

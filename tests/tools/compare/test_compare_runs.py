@@ -10,10 +10,10 @@ import typer
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UnknownNameError, UsageError
+from hoap3.tools.analysis.compare.comparison import compare
+from hoap3.tools.analysis.compare.figures import WORDS, value
 from hoap3.tools.cli.measurements import compare as command
-from hoap3.tools.compare.comparison import compare
-from hoap3.tools.compare.figures import WORDS, value
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 pytestmark = pytest.mark.slow
 

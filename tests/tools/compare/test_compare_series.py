@@ -10,9 +10,9 @@ from support.log_samples import describe
 
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.compare.figures import read_series
-from hoap3.tools.compare.loops import Answers
-from hoap3.tools.simulate import table_of
+from hoap3.tools.analysis.compare.figures import read_series
+from hoap3.tools.analysis.compare.loops import Answers
+from hoap3.tools.services.simulate import table_of
 
 ROBOT = describe(2)  # usable ±1.9 rad, 5 rad/s, 1 ms
 PLACES = st.sampled_from([0.0, 1.899, 1.9, 1.9 + 1e-6, 1.95, -1.9, -1.9 - 1e-6, -1.95])

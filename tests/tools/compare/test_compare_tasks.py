@@ -8,9 +8,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from hoap3.tools.analysis.compare.comparison import compare
+from hoap3.tools.analysis.compare.page import page
 from hoap3.tools.cli.measurements import compare as command
-from hoap3.tools.compare.comparison import compare
-from hoap3.tools.compare.page import page
 
 pytestmark = pytest.mark.slow
 

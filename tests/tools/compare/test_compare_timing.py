@@ -8,7 +8,7 @@ import pytest
 from support.log_samples import describe
 
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.tools.compare.loops import Answers, time_answers
+from hoap3.tools.analysis.compare.loops import Answers, time_answers
 
 
 class Clock:

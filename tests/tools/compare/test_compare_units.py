@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hoap3.tools.compare.comparison import compare
-from hoap3.tools.compare.page import unit
+from hoap3.tools.analysis.compare.comparison import compare
+from hoap3.tools.analysis.compare.page import unit
 
 POSTURE = "clik_sdp@tasks=[{task: posture}]"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hoap3.protocol.runtime.clock import VirtualClock
-from hoap3.tools.doctor.system import System
+from hoap3.tools.bench.doctor.system import System
 
 OK, ADVICE, PROBLEM = "ok", "advice", "problem"
 CPU = "sys/devices/system/cpu"

@@ -17,9 +17,9 @@ from doctor_machine import ADVICE, OK, PROBLEM, LateClock, machine
 from support import HOUSE
 
 from hoap3.protocol.runtime.clock import VirtualClock
-from hoap3.tools.doctor import checks, doctor, system
-from hoap3.tools.doctor.doctor import examine, run_doctor, verdict
-from hoap3.tools.doctor.system import Finding
+from hoap3.tools.bench.doctor import checks, doctor, system
+from hoap3.tools.bench.doctor.doctor import examine, run_doctor, verdict
+from hoap3.tools.bench.doctor.system import Finding
 
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)
 
@@ -119,7 +119,7 @@ def test_a_folder_that_cannot_be_written_is_a_problem(tmp_path):
 
 
 def test_the_cache_for_kernels_is_known_to_be_kept_or_not(tmp_path):
-    code = "from hoap3.tools.doctor.system import kernel_cache; print(*kernel_cache())"
+    code = "from hoap3.tools.bench.doctor.system import kernel_cache; print(*kernel_cache())"
     for folder, kept in ((tmp_path / "own", "True"), (Path("/proc/nowhere"), "False")):
         env = {**os.environ, "HOAP3_CACHE_DIR": str(folder)}
         command = [sys.executable, "-c", code]
@@ -150,7 +150,7 @@ def test_this_machine_is_examined(tmp_path):
 
 
 AS_NOBODY = """
-from hoap3.tools.doctor.doctor import examine
+from hoap3.tools.bench.doctor.doctor import examine
 from hoap3.tools.services.placement import measure_placement
 import json
 levels = {finding.name: finding.level for finding in examine(measure=False)}
@@ -207,7 +207,7 @@ def test_the_exit_code_is_one_where_there_is_a_problem(monkeypatch, capsys, leve
 
 
 def test_people_read_standard_output_and_programs_one_object():
-    code = "import hoap3.tools.doctor.doctor as it, sys; sys.exit(it.run_doctor({}, False))"
+    code = "import hoap3.tools.bench.doctor.doctor as it, sys; sys.exit(it.run_doctor({}, False))"
     told, printed = (
         subprocess.run(
             [sys.executable, "-c", code.format(as_json)],

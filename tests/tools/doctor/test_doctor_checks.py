@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from doctor_machine import ADVICE, CPU, OK, PROBLEM, LateClock, machine
 
-from hoap3.tools.doctor import doctor
-from hoap3.tools.doctor.system import System
+from hoap3.tools.bench.doctor import doctor
+from hoap3.tools.bench.doctor.system import System
 
 INFINITY = resource.RLIM_INFINITY
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.runtime.clock import VirtualClock
-from hoap3.tools.doctor.doctor import placement_finding
+from hoap3.tools.bench.doctor.doctor import placement_finding
 from hoap3.tools.services.placement import Order, exchange, measure_placement, recommend
 
 

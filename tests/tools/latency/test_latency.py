@@ -16,10 +16,9 @@ from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.tools.analysis.cycles import NEVER
 from hoap3.tools.analysis.ticks import TickTable
-from hoap3.tools.cli.measurements import latency
-from hoap3.tools.latency import latency as measuring
-from hoap3.tools.latency.echo import Exchanges
-from hoap3.tools.latency.latency import (
+from hoap3.tools.bench.latency import latency as measuring
+from hoap3.tools.bench.latency.echo import Exchanges
+from hoap3.tools.bench.latency.latency import (
     WARM_UP,
     Plan,
     analyse_log,
@@ -27,6 +26,7 @@ from hoap3.tools.latency.latency import (
     measure_latency,
     show_latency,
 )
+from hoap3.tools.cli.measurements import latency
 from hoap3.tools.machine.loopback_links import LINKS
 from hoap3.tools.services.configs import load_emulator_config
 from hoap3.tools.services.messages import LiveFigures, LoopEvent
@@ -103,8 +103,8 @@ def made_up(monkeypatch):
             stamps = START + np.arange(self.ticks) * 1000 * US + 500 * US
             return Exchanges(stamps, stamps, stamps + 20 * US)
 
-    monkeypatch.setattr("hoap3.tools.latency.latency.run_realtime", run)
-    monkeypatch.setattr("hoap3.tools.latency.latency.BareEcho", Echo)
+    monkeypatch.setattr("hoap3.tools.bench.latency.latency.run_realtime", run)
+    monkeypatch.setattr("hoap3.tools.bench.latency.latency.BareEcho", Echo)
     return order
 
 

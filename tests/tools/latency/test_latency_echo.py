@@ -16,7 +16,7 @@ from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.realtime import START_DELAY_NS
 from hoap3.tools.analysis.cycles import NEVER
 from hoap3.tools.analysis.tick_metrics import percentiles, response
-from hoap3.tools.latency.echo import BareEcho, TcpPeer, exchange
+from hoap3.tools.bench.latency.echo import BareEcho, TcpPeer, exchange
 
 MS, US = 1_000_000, 1_000
 ORDINARY = RealtimeSettings(policy="none", cpu="none", lock_memory=False)

@@ -10,7 +10,7 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink
 from hoap3.protocol.link.zenoh_session import session_name
-from hoap3.tools.latency.latency import secured
+from hoap3.tools.bench.latency.latency import secured
 from hoap3.tools.machine.loopback_links import ZENOH, link
 
 PATIENCE_S = 60.0

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from hoap3.tools.soak.watch import descendants, holdings, name_of
+from hoap3.tools.bench.soak.watch import descendants, holdings, name_of
 
 CHILD = """if True:
     import subprocess, sys, threading

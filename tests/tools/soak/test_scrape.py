@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 from support.command_bench import free_port
 
-from hoap3.tools.soak.watch import FAILURES, scrape
+from hoap3.tools.bench.soak.watch import FAILURES, scrape
 
 FIGURES = """# TYPE hoap3_states counter
 hoap3_states_total{side="robot",robot="ur5"} 12

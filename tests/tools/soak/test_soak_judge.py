@@ -9,8 +9,8 @@ import pytest
 
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
-from hoap3.tools.soak.judge import count_figures, judge
-from hoap3.tools.soak.watch import BOTH, HELD, ROBOT, Plan, Rounds, Watch
+from hoap3.tools.bench.soak.judge import count_figures, judge
+from hoap3.tools.bench.soak.watch import BOTH, HELD, ROBOT, Plan, Rounds, Watch
 
 BEGIN_S, END_S, EVERY_S = 600.0, 5400.0, 5.0
 TIMES = np.arange(BEGIN_S, END_S, EVERY_S)

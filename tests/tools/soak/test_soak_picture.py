@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from hoap3.tools.bench.soak.judge import judge
+from hoap3.tools.bench.soak.soak import draw, show_soak
+from hoap3.tools.bench.soak.watch import HELD, Plan, Rounds, Watch
 from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.soak.judge import judge
-from hoap3.tools.soak.soak import draw, show_soak
-from hoap3.tools.soak.watch import HELD, Plan, Rounds, Watch
 
 
 def result(watch: Watch) -> dict[str, Any]:

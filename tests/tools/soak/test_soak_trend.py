@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress, t
 
-from hoap3.tools.soak.judge import HOUR_S, block_means, trend
+from hoap3.tools.bench.soak.judge import HOUR_S, block_means, trend
 
 
 def correlated(rng: np.random.Generator, n: int, alike: float) -> np.ndarray:

@@ -13,9 +13,9 @@ from tampering import config_of, rewrite
 from tampering import ran as ran_with
 
 from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.motion_files import FOLDER, enclosed, motion_of, reopened
-from hoap3.tools.replay import replay
 from hoap3.tools.services.configs import load_controller_config
 from hoap3.tools.verify.verify import verify
 

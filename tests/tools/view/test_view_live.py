@@ -22,7 +22,7 @@ from hoap3.tools.services.configs import load_controller_config, load_emulator_c
 from hoap3.tools.services.messages import ObserverResult
 from hoap3.tools.services.run import _join
 from hoap3.tools.services.run_statistics import RunStatistics
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 from hoap3.tools.view.sources import live
 from hoap3.tools.view.sources.live import Live
 

@@ -85,7 +85,7 @@ def check_repeated(
     Returns:
         The newest summary of each session, as it follows from the log; without any the reason.
     """
-    from hoap3.tools.replay import replay
+    from hoap3.tools.analysis.replay import replay
 
     logged, again, whole = Records(), Records(), True
     for kind, stamp, payload in log.records():

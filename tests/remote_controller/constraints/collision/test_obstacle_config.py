@@ -9,7 +9,7 @@ from support.constraint_bench import hoap3
 from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.constraints.collision.distance import Distance
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 SECONDS, EVERY = 3.5, 50
 

@@ -12,7 +12,7 @@ from hoap3.remote_controller.tasks.accelerations.wrench import (
     WrenchControl,
     WrenchTask,
 )
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 UP = np.array([0.0, 0.0, 1.0])
 T = 1e-3

@@ -9,7 +9,7 @@ from hierarchy_runs import content, made, robot, state_of
 from hoap3.remote_controller.controllers.acceleration.problem import CONDITIONS
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.analysis.certificates import CertificateCount, in_a_line
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 T = 1e-3
 

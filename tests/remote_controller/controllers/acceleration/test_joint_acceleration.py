@@ -16,7 +16,7 @@ from hoap3.remote_controller.controllers.acceleration.joint_acceleration import 
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.robot_emulator.robots import load
 from hoap3.testing import Body
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 HOAP3, LWR = load("hoap3"), load("lwr")
 T = 1e-3

@@ -8,7 +8,7 @@ import pytest
 from hierarchy_runs import PLACES
 from obstacle_runs import RANKED, avoiding
 
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 RUNS = [(place, name) for place in PLACES for name in RANKED]
 

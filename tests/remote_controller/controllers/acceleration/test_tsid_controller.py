@@ -13,7 +13,7 @@ from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.model.frame_dynamics import FramesDynamics
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep, Simulation, simulate
+from hoap3.tools.services.simulate import Lockstep, Simulation, simulate
 
 E1 = 3  # the elbow
 T = 1e-3

@@ -20,7 +20,7 @@ from hoap3.remote_controller.tasks.accelerations.wrench import (
     WrenchTask,
 )
 from hoap3.robot_emulator.config import read_config
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 T = 1e-3
 POINT = {"kind": "point", "position_m": [-0.5, -0.25, 0.49]}

@@ -14,7 +14,7 @@ from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import CONFIGS
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 NAMES = {value: name for name, value in STATUS.items()}
 EVENTS = Event.schema.constants

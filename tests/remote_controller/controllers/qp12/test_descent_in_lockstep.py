@@ -10,7 +10,7 @@ from com_runs import HOAP3, PERIOD, TARGET, run
 from free_flyer import FreeFlyer
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 GAMMAS = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.99, 1.0]
 CLOSE = 1e-9  # m: from there on V may do what rounding does, as long as |e| stays below

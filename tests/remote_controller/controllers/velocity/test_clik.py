@@ -14,7 +14,7 @@ from hoap3.remote_controller.config import CONFIGS, ControllerConfig, check_para
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 UR5 = {"robot": "ur5", "posture": "outstretched"}
 CIRCLE = {"kind": "circle", "center_m": [0.4, -0.3, 0.5], "radius_m": 0.05, "period_s": 2.0}

@@ -15,7 +15,7 @@ from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 from hoap3.robot_emulator.robots import load
 from hoap3.testing import Body
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 BOTH = pytest.mark.parametrize("kind", ["clik", "clik_sdp"])
 UR5 = load("ur5")

@@ -16,7 +16,7 @@ from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS, ClikSdpController
 from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, IPM, WARM
 from hoap3.robot_emulator import robots
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 NAMES = "target too fast", "held by limits", "budget spent"
 TOO_FAST, HELD, SPENT = (1 << CONDITIONS.index(name) for name in NAMES)

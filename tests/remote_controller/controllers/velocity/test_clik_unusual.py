@@ -15,8 +15,8 @@ from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS
 from hoap3.robot_emulator.robots import load
 from hoap3.testing import Body
-from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import simulate
+from hoap3.tools.analysis.replay import replay_records
+from hoap3.tools.services.simulate import simulate
 
 BOTH = pytest.mark.parametrize("kind", ["clik", "clik_sdp"])
 FAST = {"acceleration_rad_s2": 1e4}  # the robot's own limits remain

@@ -10,9 +10,9 @@ from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.in_flight import InFlight
-from hoap3.tools.replay import replay_records
+from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.configs import load_controller_config
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 DELAYS = [1, 3, 100]
 SHORT = [1, 3]

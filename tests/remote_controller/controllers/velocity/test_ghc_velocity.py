@@ -25,7 +25,7 @@ from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.ghc_velocity import CONDITIONS
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 DT = HOAP3.period_s
 READY = np.array(HOAP3.postures["walk_ready"])

@@ -14,7 +14,7 @@ from hoap3.remote_controller.controllers.base import VIOLATED
 from hoap3.remote_controller.references.trajectories.motion_file import read_motion
 from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 UR5 = load("ur5")
 T = UR5.period_s

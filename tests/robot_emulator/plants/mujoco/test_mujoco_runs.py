@@ -9,7 +9,7 @@ from support.robot_bench import Bench
 from hoap3.protocol.messages import State
 from hoap3.robot_emulator.config import EmulatorConfig, PlantSettings, read_config
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 
 def bench(robot: str, command: str, **parameters: object) -> Bench:

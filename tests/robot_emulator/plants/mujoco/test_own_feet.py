@@ -27,7 +27,7 @@ from hoap3.tools.reproduce.papers.qp12.runs import (
     law_settings,
 )
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 LAWS = (*TRIALS, SPARSE_CONSTANT, PINV)
 SECONDS = 20.0

@@ -11,7 +11,7 @@ from support.urdfs.vendor_arm import vendor_folder
 
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::hoap3.protocol.errors.UrdfWarning")
 

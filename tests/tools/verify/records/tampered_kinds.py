@@ -16,7 +16,7 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.logs.log import Log
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.simulate import Lockstep
+from hoap3.tools.services.simulate import Lockstep
 
 SIDES = ("robot", "controller")
 NAMES = {number: name for name, number in Event.schema.constants.items() if "REASON" not in name}

@@ -13,7 +13,7 @@ from tampering import Change, rewrite
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.replay import replay
+from hoap3.tools.analysis.replay import replay
 from hoap3.tools.verify.verify import verify
 
 FOUND = {"false", "not verified", "error"}

@@ -33,7 +33,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.report.motion import point_path
 from hoap3.tools.reproduce.figures import Array
 from hoap3.tools.reproduce.papers import Say
-from hoap3.tools.simulate import Simulation, simulate
+from hoap3.tools.services.simulate import Simulation, simulate
 
 ROBOT = "lwr"
 END_S = 0.5  # of a phase, over which its errors are averaged: some rest in small oscillations

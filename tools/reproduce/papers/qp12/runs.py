@@ -15,7 +15,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.report.motion import point_path
 from hoap3.tools.reproduce.figures import Array
 from hoap3.tools.reproduce.papers import Say
-from hoap3.tools.simulate import simulate
+from hoap3.tools.services.simulate import simulate
 
 ROBOT, FRAME = "hoap3", "r_sole"
 START_M = (-0.0085, 0.0279, 0.2869)

@@ -16,7 +16,7 @@ from hoap3.protocol.config.settings import LogSettings
 from hoap3.protocol.runtime.deadlines import Durations
 from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.tools.doctor.system import Finding, System
+from hoap3.tools.bench.doctor.system import Finding, System
 
 ROOM = 2 * LogSettings().cap_mb * 1_000_000  # bytes: one run, both sides
 LEAST_ROOM = 100_000_000

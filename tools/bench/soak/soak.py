@@ -18,14 +18,14 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.analysis.output import print_line, results
 from hoap3.tools.analysis.result_folder import unwritable
 from hoap3.tools.analysis.summary import coloured_verdict, known, machine_line
+from hoap3.tools.bench.soak.judge import CONFIDENCE, LIMIT_MB_H, judge, memory_verdict
+from hoap3.tools.bench.soak.watch import Plan, Watch
 from hoap3.tools.logs.files import whole_file
 from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.configs import resolve_configs
 from hoap3.tools.services.messages import LiveFigures, Message, OnMessage, RunStarts
 from hoap3.tools.services.run import run_realtime, transport_words
-from hoap3.tools.soak.judge import CONFIDENCE, LIMIT_MB_H, judge, memory_verdict
-from hoap3.tools.soak.watch import Plan, Watch
 
 ROTATED = ("log.cap_mb=64", "log.file_mb=8")
 """So small that the oldest file of a log goes every minute or so, within the warm-up for the first

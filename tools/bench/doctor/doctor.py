@@ -11,8 +11,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from hoap3.tools.analysis.output import print_json, print_note, results
-from hoap3.tools.doctor import checks
-from hoap3.tools.doctor.system import Finding, Level, System
+from hoap3.tools.bench.doctor import checks
+from hoap3.tools.bench.doctor.system import Finding, Level, System
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.placement import measure_placement, remember
 

@@ -14,7 +14,7 @@ from scipy.stats import t
 
 from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED, PASS, judge_deadlines
 from hoap3.tools.analysis.verdicts import failed
-from hoap3.tools.soak.watch import ROBOT, Rounds, Series, Watch
+from hoap3.tools.bench.soak.watch import ROBOT, Rounds, Series, Watch
 
 LIMIT_MB_H = 1.0
 """Growth of a process that is taken for none, with 95 % confidence."""

@@ -17,10 +17,10 @@ from hoap3.protocol.messages import FloatArray, Setpoint
 from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.remote_controller.controllers.base import ACTIVE_SPEED, STATUS
 from hoap3.tools.analysis.answer_series import UNITS, AnswerSeries, read_answers
+from hoap3.tools.analysis.compare.loops import Answers, Rows
 from hoap3.tools.analysis.numbers import greatest, least, number
 from hoap3.tools.analysis.report.motion import point_path
 from hoap3.tools.analysis.verdicts import NAMES, failed, in_words, judge
-from hoap3.tools.compare.loops import Answers, Rows
 
 SETTLED = 0.01  # of the error at the start
 LEAST_MARGIN = -1e-6  # what linearised constraints may miss in one period without a finding

@@ -41,8 +41,8 @@ from hoap3.tools.analysis.summary import (
 from hoap3.tools.analysis.tick_metrics import percentiles, tick_figures
 from hoap3.tools.analysis.ticks import TickTable
 from hoap3.tools.bench.case_runner import median_ratio, run_in_turn
-from hoap3.tools.latency.echo import BareEcho, Exchanges
-from hoap3.tools.latency.nodes import NullController
+from hoap3.tools.bench.latency.echo import BareEcho, Exchanges
+from hoap3.tools.bench.latency.nodes import NullController
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, free_port, link
 from hoap3.tools.machine.machine import machine_block

@@ -15,12 +15,12 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from hoap3.tools.analysis.compare.comparison import Comparison
+from hoap3.tools.analysis.compare.figures import WORDS, cell, value
+from hoap3.tools.analysis.compare.page import page, shown_words, unit
 from hoap3.tools.analysis.numbers import number
 from hoap3.tools.analysis.output import results
 from hoap3.tools.analysis.result_folder import unwritable
-from hoap3.tools.compare.comparison import Comparison
-from hoap3.tools.compare.figures import WORDS, cell, value
-from hoap3.tools.compare.page import page, shown_words, unit
 from hoap3.tools.logs.files import whole_file
 
 RESULT = "compare.json"

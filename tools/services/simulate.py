@@ -147,7 +147,7 @@ class Simulation:
 
     @property
     def records(self) -> list[Record]:
-        """The controller's log, for `hoap3.tools.replay`."""
+        """The controller's log, for `hoap3.tools.analysis.replay`."""
         return self.log.records
 
     @property

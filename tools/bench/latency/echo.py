@@ -154,7 +154,7 @@ class BareEcho:
             for side, end, realtime in (("answer", far, answers), ("ask", near, asks)):
                 fds = [end.fileno(), waits]
                 whole = {**order, "side": side, "fds": fds, "realtime": realtime}
-                module = ["hoap3.tools.latency.echo"]
+                module = ["hoap3.tools.bench.latency.echo"]
                 self._children.append(Child(module, whole, fds, stdout=subprocess.PIPE))
         except BaseException:
             self.close()

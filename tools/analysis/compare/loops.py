@@ -26,14 +26,14 @@ from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import failure
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.analysis.answer_series import pair_answers
+from hoap3.tools.analysis.compare.candidates import Candidate
 from hoap3.tools.analysis.numbers import summary
 from hoap3.tools.analysis.report.sources import Sources, of_ours
 from hoap3.tools.analysis.verdicts import judge, judge_reported
 from hoap3.tools.bench.case_runner import BLOCKS, SETTLE, Case, Times, time_cases
-from hoap3.tools.compare.candidates import Candidate
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.simulate import Lockstep, table_of
+from hoap3.tools.services.simulate import Lockstep, table_of
 
 MOST_TIMED = 4_000  # answers of which the States are kept as bytes, to be timed on
 LEAST_TIMED = 10  # answers in a block

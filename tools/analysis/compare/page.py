@@ -16,11 +16,11 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.analysis.answer_series import UNITS
 from hoap3.tools.analysis.canvas import Canvas, Drawing, Key, canvas, means, thin
+from hoap3.tools.analysis.compare.comparison import Comparison
+from hoap3.tools.analysis.compare.figures import SPEED, WORDS, Figures, Series, Word, cell, value
 from hoap3.tools.analysis.document import PAGES
 from hoap3.tools.analysis.numbers import count, number
 from hoap3.tools.analysis.summary import units_of_v
-from hoap3.tools.compare.comparison import Comparison
-from hoap3.tools.compare.figures import SPEED, WORDS, Figures, Series, Word, cell, value
 from hoap3.tools.picture.palette import LIGHT
 from hoap3.tools.picture.palette import SERIES as FIRST_ROLES
 
@@ -78,7 +78,7 @@ def page(made: Comparison) -> str:
         {"controller": each.config.controller, "parameters": each.parameters}
         for each in made.candidates
     ]
-    return PAGES.get_template("compare/templates/page.html").render(
+    return PAGES.get_template("analysis/compare/templates/page.html").render(
         kind="comparison",
         title=" · ".join(made.labels),
         sections=SECTIONS,

@@ -10,9 +10,9 @@ from typing import Any
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.remote_controller.tasks.registry import TaskSettings, check_parameters
-from hoap3.tools.compare.candidates import Candidate, read_candidates
-from hoap3.tools.compare.figures import Figures, Series, figures, findings, read_series
-from hoap3.tools.compare.loops import (
+from hoap3.tools.analysis.compare.candidates import Candidate, read_candidates
+from hoap3.tools.analysis.compare.figures import Figures, Series, figures, findings, read_series
+from hoap3.tools.analysis.compare.loops import (
     Answers,
     Say,
     closed_loop,
