@@ -2,6 +2,8 @@
 
 Writing is a copy and a few stores: no lock, no system call, no allocation that grows. Where the
 observer falls behind or has died, records are dropped and counted, and the loop does not notice.
+The last sixteenth of the slots is kept from States and setpoints: an observer that lags loses some
+of these, of which there are thousands, before it loses an event or a session.
 The memory has no name in the file system, so nothing is left behind by a process that is killed.
 """
 
@@ -56,6 +58,7 @@ class Kind(IntEnum):
 
 
 _KINDS = {int(kind): kind for kind in Kind}
+_EVERY_TICK = frozenset({Kind.STATE, Kind.SETPOINT})
 
 
 class Record(NamedTuple):
@@ -98,17 +101,22 @@ class Ring:
             raise Hoap3Error(f"file descriptor {fd} is not a ring of ours")
         self.slots, self._slot_bytes = self._get("slots"), self._get("slot_bytes")
         self._capacity = self._slot_bytes - _SLOT.size
+        self._every_tick_slots = self.slots - self.slots // 16
         self._head, self._tail = self._get("head"), self._get("tail")
         self._dropped, self._gaps = self._get("dropped"), self._get("noticed")
         self._beats = self._get("beats")
 
     def write(self, kind: Kind, stamp: int, payload: bytes) -> bool:
         """Append a record, in as many slots as it needs: all of it, or False and nothing."""
-        if len(payload) <= self._capacity:
-            return self._put(kind, stamp, payload, more=0)
-        if self.slots_for(len(payload)) > self.free:
-            self._drop()
+        usable = self._every_tick_slots if kind in _EVERY_TICK else self.slots
+        taken = self._head - self._get("tail")
+        if taken + self.slots_for(len(payload)) > usable:
+            self._dropped += 1
+            self._set("dropped", self._dropped)
             return False
+        if len(payload) <= self._capacity:
+            self._put(kind, stamp, payload, more=0)
+            return True
         for at in range(0, len(payload), self._capacity):
             piece = payload[at : at + self._capacity]
             self._put(kind, stamp, piece, more=int(at + self._capacity < len(payload)))
@@ -179,22 +187,14 @@ class Ring:
         """Slots that can be written before records are dropped."""
         return self.slots - (self._head - self._get("tail"))
 
-    def _put(self, kind: Kind, stamp: int, payload: bytes, more: int) -> bool:
+    def _put(self, kind: Kind, stamp: int, payload: bytes, more: int) -> None:
         head, length = self._head, len(payload)
-        if head - self._get("tail") >= self.slots:
-            self._drop()
-            return False
         at = _HEADER_BYTES + head % self.slots * self._slot_bytes
         _SLOT.pack_into(self._memory, at, head + 1, stamp, self._dropped, length, kind, more)
         at += _SLOT.size
         self._memory[at : at + length] = payload
         self._head = head + 1
         self._set("head", head + 1)
-        return True
-
-    def _drop(self) -> None:
-        self._dropped += 1
-        self._set("dropped", self._dropped)
 
     def _get(self, word: str) -> int:
         return self._words[_WORDS[word]]

@@ -113,6 +113,13 @@ def test_a_full_ring_drops_and_the_gap_stands_where_records_are_missing(pair):
     assert writer.dropped == 3
 
 
+def test_a_full_ring_has_room_for_events_that_no_state_takes():
+    ring = Ring(slots=32, slot_bytes=SLOT_BYTES)
+    assert [ring.write(Kind.STATE, n, b"") for n in range(31)] == [True] * 30 + [False]
+    assert [ring.write(Kind.EVENT, n, b"") for n in range(3)] == [True, True, False]
+    os.close(ring.fd)
+
+
 def test_a_large_record_wraps_around_the_end_and_is_all_or_nothing(pair):
     writer, reader = pair
     large = bytes(range(3 * CAPACITY - 5))

@@ -61,7 +61,7 @@ def test_a_reader_in_another_process_loses_nothing_and_sees_whole_payloads(ring,
         while ring.free < slots:
             assert reader.poll() is None
             os.sched_yield()
-        assert ring.write(Kind.STATE, number, body(number, size))
+        assert ring.write(Kind.EVENT, number, body(number, size))
     ring.close()
     report = json.loads(reader.stdout.read())
     assert report == {"found": count, "gaps": 0, "broken": 0}
@@ -70,11 +70,11 @@ def test_a_reader_in_another_process_loses_nothing_and_sees_whole_payloads(ring,
 def test_what_a_reader_misses_is_what_was_dropped(ring, start):
     reader = start()
     count = 20_000
-    written = sum(ring.write(Kind.STATE, number, body(number, 800)) for number in range(count))
+    written = sum(ring.write(Kind.EVENT, number, body(number, 800)) for number in range(count))
     while ring.free < SLOTS:  # so that the last record cannot be dropped, and tells of all gaps
         assert reader.poll() is None
         os.sched_yield()
-    written += ring.write(Kind.STATE, count, body(count, 8))
+    written += ring.write(Kind.EVENT, count, body(count, 8))
     ring.close()
     report = json.loads(reader.stdout.read())
     assert report == {"found": written, "gaps": ring.dropped, "broken": 0}
@@ -84,24 +84,24 @@ def test_what_a_reader_misses_is_what_was_dropped(ring, start):
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_writer_does_not_notice_a_reader_that_is_killed_or_stopped(ring, start, how):
     for number in range(10):
-        ring.write(Kind.STATE, number, body(number, 8))
+        ring.write(Kind.EVENT, number, body(number, 8))
     reader = start("hang")
     assert reader.stdout.readline() == "10\n"
     os.kill(reader.pid, how)
     os.waitid(os.P_PID, reader.pid, os.WEXITED | os.WSTOPPED | os.WNOWAIT)
-    written = [ring.write(Kind.STATE, number, body(number, 8)) for number in range(10 * SLOTS)]
+    written = [ring.write(Kind.EVENT, number, body(number, 8)) for number in range(10 * SLOTS)]
     assert written == [True] * SLOTS + [False] * (9 * SLOTS)
     assert ring.dropped == 9 * SLOTS
 
 
 def test_a_new_reader_goes_on_where_the_killed_one_stopped(ring, start):
-    ring.write(Kind.STATE, 0, body(0, 8))
+    ring.write(Kind.EVENT, 0, body(0, 8))
     first = start("hang")
     assert first.stdout.readline() == "1\n"
     first.kill()
     first.wait()
     for number in range(1, SLOTS + 5):
-        ring.write(Kind.STATE, number, body(number, 8))
+        ring.write(Kind.EVENT, number, body(number, 8))
     ring.close()
     second = start()
     report = json.loads(second.stdout.read())
