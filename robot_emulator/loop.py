@@ -319,7 +319,7 @@ class RobotLoop:
             self._announce("SAFE_STOP", authority.stop_reason)
 
     def _receive(self, published: int) -> None:
-        """Judge the setpoints that have arrived since the last tick."""
+        """Accept or refuse the setpoints that have arrived since the last tick."""
         for stamp, payload in self._link.drain():
             self._recorder.record(Kind.SETPOINT, stamp, payload)
             reason = self.validator.accept(stamp, payload, published)

@@ -33,7 +33,7 @@ REJECTION_KINDS = (
 
 
 class SetpointValidator:
-    """Judges setpoints.
+    """Accepts or refuses setpoints, and decides which ticks were answered in time, late or never.
 
     Args:
         joints: n.

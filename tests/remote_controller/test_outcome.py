@@ -13,7 +13,6 @@ import pytest
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.balance import balance_of
@@ -25,6 +24,7 @@ from hoap3.remote_controller.tasks.error_task import ErrorTask
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.certificates import CountingRecorder
+from hoap3.tools.analysis.deadline_verdict import unknown_deadlines
 from hoap3.tools.analysis.verdicts import judge
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.simulate import Lockstep

@@ -10,9 +10,9 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
-from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED, PASS, WARN
 from hoap3.tools.analysis.body_findings import base_words
 from hoap3.tools.analysis.certificates import in_a_line
+from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED, PASS, WARN
 from hoap3.tools.analysis.output import Meter, notes, print_note, results, watched
 from hoap3.tools.analysis.verdicts import NAMES, deadline_words, in_words
 from hoap3.tools.machine.stalls import limited

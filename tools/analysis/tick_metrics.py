@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.deadline_verdict import NOT_JUDGED, judge_deadlines
 from hoap3.protocol.runtime.deadlines import WINDOW, rank
 from hoap3.tools.analysis.cycles import NEVER, Stamps
+from hoap3.tools.analysis.deadline_verdict import NOT_JUDGED, judge_deadlines
 from hoap3.tools.analysis.miss_attribution import Times
 from hoap3.tools.analysis.numbers import summary
 from hoap3.tools.analysis.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable

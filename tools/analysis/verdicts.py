@@ -6,15 +6,15 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from hoap3.protocol.runtime.deadline_verdict import (
+from hoap3.robot_emulator.filters.base import STARTUP_TICKS
+from hoap3.tools.analysis.body_findings import BODY_REASONS, body_of, body_reasons, body_words
+from hoap3.tools.analysis.deadline_verdict import (
     FAIL,
     NOT_JUDGED,
     PASS,
     judge_counts,
     unknown_deadlines,
 )
-from hoap3.robot_emulator.filters.base import STARTUP_TICKS
-from hoap3.tools.analysis.body_findings import BODY_REASONS, body_of, body_reasons, body_words
 
 LIMIT_REMEDIES = {
     "position": "Keep setpoints inside the joint's range",
@@ -58,7 +58,7 @@ _UNTOLD = {
     NOT_TOLD: "no result from the controller (constraints and balance)",
     NOT_TOLD_BY_ROBOT: "no counts from the robot (joints clipped)",
 }
-"""The same of limits and balance, of which each side knows a part."""
+"""Why limits and balance are not judged, in words: each side knows a part of them."""
 
 
 def judge(

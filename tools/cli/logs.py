@@ -87,10 +87,10 @@ def verify(
 ) -> None:
     """Recompute what a log claims; exit code 1 unless all of it was recomputed, and holds."""
     from hoap3.tools.verify.show import shown
-    from hoap3.tools.verify.verify import verify as judge
+    from hoap3.tools.verify.verify import verify as verify_log
 
     with progress(f"verify {log}") as meter:
-        found = judge(log, meter.step, repeat=True, allow_code=allow_code)
+        found = verify_log(log, meter.step, repeat=True, allow_code=allow_code)
     print_result(found.as_json(), shown(found), as_json=as_json)
     if found.missing:
         print_note(f"the log is not complete: {found.missing}")

@@ -61,7 +61,7 @@ UNWATCHED = f", which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`,
 
 
 class ObserverHandle:
-    """The handle that a service has of its observer.
+    """Starts the observer as a child process; lives in the process of the service.
 
     Args:
         config: of the observer.
@@ -107,7 +107,7 @@ class ObserverHandle:
         return self._process.poll() is None
 
     def watching(self, should_stop: Callable[[], bool]) -> Callable[[], bool]:
-        """The same question; to ask it is a sign of life of a loop, where systemd wants some."""
+        """`should_stop`, but each call also counts as a sign of life of the loop for systemd."""
         if self._notify is None:
             return should_stop
         beat = self.ring.beat
@@ -171,7 +171,8 @@ def main() -> int:
     """Run until the ring ends; the order comes on standard input."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    # The service ends us, after its last record. Ignored, it would be so in the monitors, too.
+    # The ring ends this process, not SIGTERM. A handler, unlike SIG_IGN, is not inherited by the
+    # stall monitors that are started below.
     signal.signal(signal.SIGTERM, lambda *_: None)
     parent = Lifeline()
     config, ring_fd, service_fd = read_order()

@@ -14,7 +14,6 @@ from typing import Any
 
 from hoap3.protocol.config.settings import LinkSettings, RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED
 from hoap3.protocol.runtime.notes import Note
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
 from hoap3.remote_controller.config import ControllerConfig, of_another_robot
@@ -22,6 +21,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.jerk import jerk_notes
 from hoap3.robot_emulator.robots.mimic_limits import mimic_joint_notes
 from hoap3.tools.analysis.certificates import CountingRecorder
+from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED
 from hoap3.tools.analysis.verdicts import judge
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.machine.loopback_links import free_port

@@ -10,12 +10,12 @@ import numpy as np
 
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import COMMANDS, Setpoint, State
-from hoap3.protocol.runtime.deadline_verdict import FAIL, judge_deadlines, unknown_deadlines
 from hoap3.protocol.runtime.deadlines import Durations, Jitter
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.certificate import checked_status
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.analysis.certificates import CertificateCount, reasons_on_wire
+from hoap3.tools.analysis.deadline_verdict import FAIL, judge_deadlines, unknown_deadlines
 from hoap3.tools.analysis.verdicts import judge
 from hoap3.tools.machine.stalls import FOREVER, OutsideStalls
 

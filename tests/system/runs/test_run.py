@@ -30,9 +30,9 @@ from support.command_bench import (
 )
 
 from hoap3.protocol.messages import State
-from hoap3.protocol.runtime.deadline_verdict import judge_deadlines
 from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.analysis.deadline_verdict import judge_deadlines
 from hoap3.tools.analysis.summary import LiveTable
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config

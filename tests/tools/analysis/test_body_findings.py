@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from hoap3.protocol.runtime.deadline_verdict import unknown_deadlines
 from hoap3.tools.analysis.body_findings import body_of
+from hoap3.tools.analysis.deadline_verdict import unknown_deadlines
 from hoap3.tools.analysis.summary import plant_rows
 from hoap3.tools.analysis.verdicts import in_words, judge
 

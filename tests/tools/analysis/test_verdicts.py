@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from hoap3.protocol.runtime.deadline_verdict import judge_counts, unknown_deadlines
+from hoap3.tools.analysis.deadline_verdict import judge_counts, unknown_deadlines
 from hoap3.tools.analysis.verdicts import (
     CERTIFIED_SHARE,
     deadline_words,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.deadline_verdict import FAIL_WINDOW, PASS_WINDOW
 from hoap3.protocol.runtime.deadlines import WINDOW
 from hoap3.tools.analysis.canvas import BUCKETS, Drawing, Key, canvas
+from hoap3.tools.analysis.deadline_verdict import FAIL_WINDOW, PASS_WINDOW
 from hoap3.tools.analysis.numbers import NAMES, count, number, spread, summary
 from hoap3.tools.analysis.tick_metrics import jitter, recent_rates
 from hoap3.tools.analysis.ticks import LATE, LOST, SKIPPED, STAGES, TickTable

@@ -26,10 +26,10 @@ from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
-from hoap3.protocol.runtime.deadline_verdict import FAIL, MISSES_TO_STOP, NOT_JUDGED
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
+from hoap3.tools.analysis.deadline_verdict import FAIL, MISSES_TO_STOP, NOT_JUDGED
 from hoap3.tools.analysis.output import results
 from hoap3.tools.analysis.summary import (
     add_deadlines,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import t
 
-from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED, PASS, judge_deadlines
+from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED, PASS, judge_deadlines
 from hoap3.tools.analysis.verdicts import failed
 from hoap3.tools.bench.soak.watch import ROBOT, Rounds, Series, Watch
 

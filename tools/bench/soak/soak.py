@@ -12,9 +12,9 @@ from rich.table import Table
 
 from hoap3.protocol.config.settings import MetricsSettings
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
-from hoap3.protocol.runtime.deadline_verdict import FAIL, NOT_JUDGED
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED
 from hoap3.tools.analysis.output import print_line, results
 from hoap3.tools.analysis.result_folder import unwritable
 from hoap3.tools.analysis.summary import coloured_verdict, known, machine_line

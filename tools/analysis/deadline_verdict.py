@@ -87,7 +87,7 @@ def judge_counts(counts: Mapping[str, Any], skipped: int | None = None) -> dict[
 
 
 def unknown_deadlines(reason: str, text: str, verdict: str = NOT_JUDGED) -> dict[str, Any]:
-    """The same where the figures are not known."""
+    """The verdict on deadlines where their figures are not known."""
     return _result([(verdict, reason, text)], None, None)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hoap3.protocol.runtime.deadline_verdict import judge_counts, judge_deadlines
+from hoap3.tools.analysis.deadline_verdict import judge_counts, judge_deadlines
 
 FIFO, ORDINARY = "scheduling policy: SCHED_FIFO 85", "scheduling policy: refused, no right"
 STAGES = {
