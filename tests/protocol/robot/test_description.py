@@ -128,107 +128,105 @@ def test_copy_with_changes_is_checked_and_has_its_own_fingerprint():
         arm.model_copy(update={"name": "Arm 4"})
 
 
-REFUSED_JOINTS = {
-    "lower above upper": ({"lower": 2.5, "upper": -2.5}, "less than upper"),
-    "empty range": ({"lower": 1.0, "upper": 1.0}, "less than upper"),
-    "below the stop": ({"lower": -2.7}, "not be below lower_hard"),
-    "above the stop": ({"upper": 2.7}, "not be above upper_hard"),
-    "no velocity": ({"velocity": 0.0}, "positive"),
-    "negative velocity": ({"velocity": -1.0}, "positive"),
-    "no brake": ({"brake_acceleration": 0.0}, "positive"),
-    "no acceleration": ({"setpoint_acceleration_max": 0.0}, "positive"),
-    "no effort": ({"effort": 0.0}, "positive"),
-    "average above peak": ({"effort_average": 21.0}, "between 0 and 20.0"),
-    "zero scale": ({"encoder_counts_per_rad": 0.0}, "leave it out"),
-    "negative armature": ({"armature": -0.1}, "0 or more"),
-    "NaN": ({"upper": math.nan}, "finite number"),
-    "infinite": ({"velocity": math.inf}, "finite number"),
-    "infinite on the wrong side": ({"lower": math.inf}, "null where there is no limit"),
-    "text": ({"velocity": "2.0"}, "valid number"),
-    "bool": ({"velocity": True}, "valid number"),
-    "unknown key": ({"velocty": 2.0}, "mean 'velocity'"),
-    "least jerk": ({"setpoint_jerk_max": 1e-300}, "cannot be"),
-    "least velocity": ({"velocity": 1e-12}, "cannot be"),
-    "least brake": ({"brake_acceleration": 1e-10}, "cannot be"),
-    "largest velocity": ({"velocity": 1e300}, "cannot be"),
-    "largest acceleration": ({"setpoint_acceleration_max": 1e13}, "cannot be"),
-    "largest effort": ({"effort": 1e300}, "cannot be"),
-    "largest armature": ({"armature": 1e300}, "cannot be"),
-    "largest scale": ({"encoder_counts_per_rad": -1e300}, "cannot be"),
-    "largest position": ({"upper_hard": 1e300, "upper": 1e300}, "cannot be"),
-}
+REFUSED_JOINTS = [
+    {"lower": 2.5, "upper": -2.5},
+    {"lower": 1.0, "upper": 1.0},
+    {"lower": -2.7},  # below the stop
+    {"upper": 2.7},
+    {"velocity": 0.0},
+    {"velocity": -1.0},
+    {"brake_acceleration": 0.0},
+    {"setpoint_acceleration_max": 0.0},
+    {"effort": 0.0},
+    {"effort_average": 21.0},  # above the peak
+    {"encoder_counts_per_rad": 0.0},
+    {"armature": -0.1},
+    {"upper": math.nan},
+    {"velocity": math.inf},
+    {"lower": math.inf},
+    {"velocity": "2.0"},
+    {"velocity": True},
+    {"setpoint_jerk_max": 1e-300},
+    {"velocity": 1e-12},
+    {"brake_acceleration": 1e-10},
+    {"velocity": 1e300},
+    {"setpoint_acceleration_max": 1e13},
+    {"effort": 1e300},
+    {"armature": 1e300},
+    {"encoder_counts_per_rad": -1e300},
+    {"upper_hard": 1e300, "upper": 1e300},
+]
 
 
-@pytest.mark.parametrize("case", REFUSED_JOINTS)
-def test_joint_is_refused_with_its_name_value_and_remedy(case):
-    changes, remedy = REFUSED_JOINTS[case]
+@pytest.mark.parametrize("changes", REFUSED_JOINTS, ids=str)
+def test_joint_is_refused_with_its_name_and_value(changes):
+    key, value = next(iter(changes.items()))
     with pytest.raises(DescriptionError, match=r"^joint 'elbow': ") as caught:
         joint("elbow", **changes)
-    assert remedy in str(caught.value)
-    if case != "unknown key":
-        key, value = next(iter(changes.items()))
-        assert f"{key} cannot be {value!r}" in str(caught.value)
+    assert key in str(caught.value)
+    assert repr(value) in str(caught.value)
+
+
+def test_missing_and_unknown_fields_are_named():
+    with pytest.raises(DescriptionError, match=r"'elbow'.*lower_hard"):
+        Joint(name="elbow")
+    with pytest.raises(DescriptionError, match=r"'elbow'.*velocty.*'velocity'"):
+        joint("elbow", velocty=2.0)
 
 
 def test_joint_names_are_plain():
-    with pytest.raises(DescriptionError, match="letters, digits"):
+    with pytest.raises(DescriptionError, match="<b>elbow</b>"):
         joint("<b>elbow</b>")
 
 
-def test_missing_field_is_named():
-    with pytest.raises(DescriptionError, match=r"^joint 'elbow': lower_hard is missing\. Add it"):
-        Joint(name="elbow")
-
-
 REFUSED = {
-    "name": ({"name": "Arm"}, "robot 'Arm': name cannot be 'Arm'. It must match"),
-    "long name": ({"name": "a" * 33}, "It must match"),
-    "no joints": ({"joints": ()}, "Give 1 to 128"),
-    "129 joints": ({"joints": tuple(joint(f"j{k}") for k in range(129))}, "Give 1 to 128"),
-    "joint twice": ({"joints": (joint("elbow"), joint("elbow"), joint("wrist"))}, "appears twice"),
+    "name": ({"name": "Arm"}, "name.*'Arm'"),
+    "long name": ({"name": "a" * 33}, "a" * 33),
+    "no joints": ({"joints": ()}, "joints.*128"),
+    "129 joints": ({"joints": tuple(joint(f"j{k}") for k in range(129))}, "joints.*128"),
+    "joint twice": ({"joints": (joint("elbow"), joint("elbow"), joint("wrist"))}, "'elbow'"),
     "joint not in URDF": (
         {"joints": (joint("shoulder"), joint("elbw"), joint("wrist"))},
-        "joint 'elbw': not a movable joint of the URDF. Did you mean 'elbow'?",
+        "'elbw'.*'elbow'",
     ),
     "fixed joint": (
         {"joints": tuple(joint(name) for name in (*NAMES, "tool_joint"))},
-        "joint 'tool_joint': not a movable joint",
+        "'tool_joint'",
     ),
     "joint left out": (
         {"joints": (joint("shoulder"), joint("elbow")), "postures": {"bent": (0.0, 1.0)}},
-        "joint 'wrist': movable in the URDF but not listed",
+        "'wrist'",
     ),
-    "posture too short": ({"postures": {"bent": (0.0, 1.0)}}, "'2 values'. Write 3"),
-    "posture with NaN": ({"postures": {"bent": (0.0, math.nan, 0.0)}}, "joint 'elbow' at nan"),
+    "posture too short": ({"postures": {"bent": (0.0, 1.0)}}, "bent.*2.*3"),
+    "posture with NaN": ({"postures": {"bent": (0.0, math.nan, 0.0)}}, "'elbow'.*nan"),
     "posture outside": (
         {"postures": {"bent": (0.0, 0.0, 2.61)}},
-        "posture 'bent': joint 'wrist' at 2.61. Stay within [-2.6, 2.6]",
+        r"'bent'.*'wrist'.*2\.61.*\[-2\.6, 2\.6\]",
     ),
-    "no initial posture": ({"initial_posture": "bend"}, "Did you mean 'bent'?"),
-    "base frame": ({"base_frame": "bas"}, "Did you mean 'base'?"),
-    "sensor frame": ({"wrench_sensors": ("lidar",)}, "Add that link to the URDF"),
-    "sensor twice": ({"wrench_sensors": ("hand", "hand")}, "appears twice"),
-    "sole frame": ({"soles": (Sole(frame="foot", polygon=SQUARE),)}, "soles cannot be 'foot'"),
-    "period": ({"period_s": 0.0}, "Write seconds"),
-    "no command kind": ({"command_kinds": ()}, "at least one of position"),
-    "command kind": ({"command_kinds": ("velocity",)}, "'position', 'acceleration' or 'torque'"),
-    "kind twice": ({"command_kinds": ("torque", "torque")}, "appears twice"),
-    "URDF": ({"urdf": URDF.replace('"revolute"', '"floating"')}, "URDF joint 'shoulder': type"),
-    "unknown key": ({"perod_s": 0.001}, "Did you mean 'period_s'?"),
+    "no initial posture": ({"initial_posture": "bend"}, "'bend'.*'bent'"),
+    "base frame": ({"base_frame": "bas"}, "'bas'.*'base'"),
+    "sensor frame": ({"wrench_sensors": ("lidar",)}, "'lidar'"),
+    "sensor twice": ({"wrench_sensors": ("hand", "hand")}, "'hand'"),
+    "sole frame": ({"soles": (Sole(frame="foot", polygon=SQUARE),)}, "soles.*'foot'"),
+    "period": ({"period_s": 0.0}, "period_s.*0.0"),
+    "no command kind": ({"command_kinds": ()}, "command_kinds.*position"),
+    "command kind": ({"command_kinds": ("velocity",)}, "'velocity'.*'acceleration'"),
+    "kind twice": ({"command_kinds": ("torque", "torque")}, "'torque'"),
+    "URDF": ({"urdf": URDF.replace('"revolute"', '"floating"')}, "'shoulder'.*floating"),
+    "unknown key": ({"perod_s": 0.001}, "perod_s.*'period_s'"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_description_is_refused_with_robot_and_remedy(case):
-    changes, remedy = REFUSED[case]
-    with pytest.raises(DescriptionError, match=r"^robot '") as caught:
+def test_description_is_refused_with_robot_key_and_value(case):
+    changes, named = REFUSED[case]
+    with pytest.raises(DescriptionError, match=rf"^robot '.*{named}"):
         describe(**changes)
-    assert remedy in str(caught.value)
 
 
 def test_a_description_that_nobody_would_accept_cannot_be_made():
     postures = {f"bent{k or ''}": (0.0,) * 3 for k in range(50_000)}
-    with pytest.raises(DescriptionError, match=f"At most {MAX_BYTES}"):
+    with pytest.raises(DescriptionError, match=rf"{MAX_BYTES}"):
         describe(postures=postures)
 
 
@@ -247,7 +245,7 @@ POLYGONS = {
 
 @pytest.mark.parametrize("case", POLYGONS)
 def test_outline_of_a_sole_is_convex_and_counter_clockwise(case):
-    with pytest.raises(DescriptionError, match=r"^sole 'tool': polygon[0-9.]* cannot be"):
+    with pytest.raises(DescriptionError, match=r"^sole 'tool': polygon"):
         Sole(frame="tool", polygon=POLYGONS[case])
 
 
@@ -284,7 +282,7 @@ def test_wire_is_not_trusted(case):
 def test_size_is_checked_before_anything_is_read():
     padding = b" " * (MAX_BYTES - len(describe().to_json()))
     assert RobotDescription.from_json(describe().to_json() + padding) == describe()
-    with pytest.raises(DescriptionError, match=f"{MAX_BYTES + 1} bytes"):
+    with pytest.raises(DescriptionError, match=rf"{MAX_BYTES + 1}"):
         RobotDescription.from_json(describe().to_json() + padding + b" ")
 
 
@@ -297,5 +295,5 @@ def test_a_rate_of_servos_travels_and_must_be_one() -> None:
 
 
 def test_a_task_or_a_posture_of_no_size_is_refused():
-    with pytest.raises(DescriptionError, match=r"target_m.0 cannot be 1e\+300"):
+    with pytest.raises(DescriptionError, match=r"target_m\.0.*1e\+300"):
         DefaultTask(point="tool", reference="base", target_m=(1e300, 0.0, 0.0))

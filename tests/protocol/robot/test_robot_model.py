@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -105,12 +103,12 @@ def test_armature_and_friction_reach_pinocchio_in_its_order():
 
 
 def test_unknown_frame_names_the_known_ones():
-    with pytest.raises(FrameNotFoundError, match="Did you mean 'tool'") as caught:
+    with pytest.raises(FrameNotFoundError, match=r"'tol'.*'tool'") as caught:
         build_model(describe()).frame_id("tol")
     assert caught.value.known == sorted(["base", "upper_arm", "forearm", "hand", "tool"])
 
 
 def test_what_pinocchio_refuses_is_a_description_error():
     broken = URDF.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><safety_controller/>')
-    with pytest.raises(DescriptionError, match=re.escape("robot 'arm3': Pinocchio cannot")):
+    with pytest.raises(DescriptionError, match="'arm3'"):
         build_model(describe(urdf=broken))

@@ -67,7 +67,7 @@ def test_a_chain_that_no_number_can_hold_is_refused():
     text = URDF.replace(ELBOW, ELBOW + '<mimic joint="shoulder" multiplier="1e200"/>')
     wrist = '<joint name="wrist" type="revolute">'
     text = text.replace(wrist, wrist + '<mimic joint="elbow" multiplier="1e200"/>')
-    with pytest.raises(DescriptionError, match="joint 'wrist': it follows 'shoulder' by inf"):
+    with pytest.raises(DescriptionError, match=r"'wrist'.*'shoulder'.*inf"):
         read_urdf(text)
 
 
@@ -77,69 +77,68 @@ def test_other_elements_are_ignored():
 
 
 REFUSED = {
-    "floating": (SHOULDER, SHOULDER.replace("revolute", "floating"), "base is fixed"),
-    "planar": (SHOULDER, SHOULDER.replace("revolute", "planar"), "two prismatic joints"),
-    "misspelt type": (SHOULDER, SHOULDER.replace("revolute", "revolut"), "prismatic or fixed"),
-    "mimic of nobody": (SHOULDER, SHOULDER + "<mimic/>", "Write <mimic joint"),
-    "mimic of a misspelt joint": (SHOULDER, SHOULDER + '<mimic joint="elbw"/>', "mean 'elbow'"),
-    "mimic of a fixed joint": (SHOULDER, SHOULDER + '<mimic joint="tool_joint"/>', "no movable"),
-    "mimic of itself": (SHOULDER, SHOULDER + '<mimic joint="shoulder"/>', "follows itself"),
-    "fixed mimic": (FIXED, FIXED + '<mimic joint="elbow"/>', "Remove one of the two"),
+    "floating": (SHOULDER, SHOULDER.replace("revolute", "floating"), "'shoulder'.*'floating'"),
+    "planar": (SHOULDER, SHOULDER.replace("revolute", "planar"), "'shoulder'.*'planar'.*prismatic"),
+    "misspelt type": (SHOULDER, SHOULDER.replace("revolute", "revolut"), "'revolut'.*revolute"),
+    "mimic of nobody": (SHOULDER, SHOULDER + "<mimic/>", "'shoulder'.*<mimic joint"),
+    "mimic of a misspelt joint": (SHOULDER, SHOULDER + '<mimic joint="elbw"/>', "'elbw'.*'elbow'"),
+    "mimic of a fixed joint": (SHOULDER, SHOULDER + '<mimic joint="tool_joint"/>', "'tool_joint'"),
+    "mimic of itself": (SHOULDER, SHOULDER + '<mimic joint="shoulder"/>', "'shoulder'.*<mimic>"),
+    "fixed mimic": (FIXED, FIXED + '<mimic joint="elbow"/>', "'tool_joint'.*<mimic>"),
     "mimic that stands": (
         SHOULDER,
         SHOULDER + '<mimic joint="elbow" multiplier="0" offset="0.5"/>',
-        "<origin> at 0.5",
+        "'shoulder'.*multiplier.*<origin>.*0.5",
     ),
-    "mesh": (BOX, '<mesh filename="/etc/passwd"/>', "primitive: box, cylinder, sphere"),
+    "mesh": (BOX, '<mesh filename="/etc/passwd"/>', "<mesh>.*box, cylinder, sphere"),
     "texture": (
         "<visual>",
         '<visual><material name="m"><texture filename="x.png"/></material>',
-        "primitive",
+        "<texture>",
     ),
-    "capsule": (BOX, '<capsule radius="1" length="1"/>', "primitive: box"),
-    "doctype": ("<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot', "<!DOCTYPE found"),
-    "entity": ("<robot", '<!ENTITY a "b"><robot', "<!ENTITY found"),
-    "not well-formed": ("</robot>", "", "not well-formed"),
-    "other root": ("robot", "html", "Write <robot"),
-    "sdf": ("robot", "sdf", "is SDF"),
+    "capsule": (BOX, '<capsule radius="1" length="1"/>', "<capsule>.*box"),
+    "doctype": ("<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot', "<!DOCTYPE"),
+    "entity": ("<robot", '<!ENTITY a "b"><robot', "<!ENTITY"),
+    "not well-formed": ("</robot>", "", "line 61"),
+    "other root": ("robot", "html", "<html>.*<robot"),
+    "sdf": ("robot", "sdf", "SDF"),
     "mjcf": ("robot", "mujoco", "plant.parameters.mjcf"),
-    "default namespace": ("<robot ", '<robot xmlns="http://example.org" ', 'xmlns="http://example'),
-    "quaternion": ('xyz="0 0 0.3"', 'quat_xyzw="0 0 0 1"', "Write rpy"),
-    "xacro expression": ('xyz="0 0 0.3"', 'xyz="$(arg x) 0 0"', "expand this xacro"),
-    "arabic digits": ('mass value="2.0"', 'mass value="\u0662"', "1 finite number"),
-    "not finite": ('xyz="0 0 0.3"', 'xyz="0 0 nan"', "3 finite number"),
-    "too few": ('xyz="0 0 0.3"', 'xyz="0 0.3"', "3 finite number"),
-    "underscore": ('mass value="2.0"', 'mass value="2_0"', "1 finite number"),
-    "zero axis": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "Write its direction"),
-    "negative damping": (SHOULDER, SHOULDER + '<dynamics damping="-0.1"/>', "Write 0 or more"),
-    "negative friction": (SHOULDER, SHOULDER + '<dynamics friction="-1"/>', "Write 0 or more"),
-    "negative mass": ('mass value="2.0"', 'mass value="-2.0"', "Write 0 or more"),
-    "no mass": ('<mass value="2.0"/>', "", "Write <mass"),
-    "incomplete inertia": ('ixx="0.002" ', "", "ixx, ixy, ixz"),
+    "default namespace": ("<robot ", '<robot xmlns="http://example.org" ', "xmlns"),
+    "quaternion": ('xyz="0 0 0.3"', 'quat_xyzw="0 0 0 1"', "quat_xyzw.*rpy"),
+    "xacro expression": ('xyz="0 0 0.3"', 'xyz="$(arg x) 0 0"', "xyz.*xacro"),
+    "arabic digits": ('mass value="2.0"', 'mass value="\u0662"', "'upper_arm'.*mass.*\u0662"),
+    "not finite": ('xyz="0 0 0.3"', 'xyz="0 0 nan"', "'shoulder'.*xyz.*nan"),
+    "too few": ('xyz="0 0 0.3"', 'xyz="0 0.3"', "'shoulder'.*xyz.*3 finite"),
+    "underscore": ('mass value="2.0"', 'mass value="2_0"', "mass.*2_0"),
+    "zero axis": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "'shoulder'.*<axis>"),
+    "negative damping": (SHOULDER, SHOULDER + '<dynamics damping="-0.1"/>', "damping.*-0.1"),
+    "negative friction": (SHOULDER, SHOULDER + '<dynamics friction="-1"/>', "friction.*-1"),
+    "negative mass": ('mass value="2.0"', 'mass value="-2.0"', "'upper_arm'.*-2.0"),
+    "no mass": ('<mass value="2.0"/>', "", "'upper_arm'.*<mass"),
+    "incomplete inertia": ('ixx="0.002" ', "", "'upper_arm'.*<inertia>.*ixx"),
     "no limit": (
         '<limit lower="-2.5" upper="2.5" velocity="2.0" effort="20"/>',
         "",
-        'Write <limit lower=".."',
+        "'shoulder'.*<limit lower",
     ),
-    "no such parent": ('<parent link="forearm"/>', '<parent link="forarm"/>', "mean 'forearm'"),
-    "no child": ('<child link="forearm"/>', "", 'Write <child link="..">'),
-    "two roots": ("</robot>", '<link name="other"/></robot>', "one tree"),
-    "two parents": ('<child link="hand"/>', '<child link="forearm"/>', "appears twice"),
-    "same link": ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "Rename"),
-    "same joint": ('name="elbow"', 'name="wrist"', "Rename"),
-    "nameless": ('<link name="tool"/>', "<link/>", "Give it one"),
-    "reserved joint": ('name="elbow"', 'name="universe"', "Choose another"),
-    "reserved link": ('"base"', '"universe"', "Choose another"),
+    "no such parent": ('<parent link="forearm"/>', '<parent link="forarm"/>', "'forarm'.*forearm'"),
+    "no child": ('<child link="forearm"/>', "", "'elbow'.*<child link"),
+    "two roots": ("</robot>", '<link name="other"/></robot>', "base, other"),
+    "two parents": ('<child link="hand"/>', '<child link="forearm"/>', "'forearm'"),
+    "same link": ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "'tool'"),
+    "same joint": ('name="elbow"', 'name="wrist"', "'wrist'"),
+    "nameless": ('<link name="tool"/>', "<link/>", "<link>"),
+    "reserved joint": ('name="elbow"', 'name="universe"', "'universe'"),
+    "reserved link": ('"base"', '"universe"', "'universe'"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_refusal_says_what_to_write(case):
-    old, new, remedy = REFUSED[case]
+def test_refusal_names_its_place(case):
+    old, new, named = REFUSED[case]
     assert old in URDF
-    with pytest.raises(DescriptionError, match=r"^URDF") as caught:
+    with pytest.raises(DescriptionError, match=rf"^URDF.*{named}"):
         read_urdf(URDF.replace(old, new))
-    assert remedy in str(caught.value)
 
 
 def test_a_loop_beside_the_tree_is_refused():
@@ -148,7 +147,7 @@ def test_a_loop_beside_the_tree_is_refused():
         '<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>'
         '<joint name="ba" type="fixed"><parent link="b"/><child link="a"/></joint></robot>'
     )
-    with pytest.raises(DescriptionError, match="2 links form a loop"):
+    with pytest.raises(DescriptionError, match="loop"):
         read_urdf(URDF.replace("</robot>", loop))
 
 
@@ -176,10 +175,8 @@ def test_mass_on_what_stands_still_makes_no_centre_of_mass_that_moves(heavy):
 
 @pytest.mark.parametrize("text", ["", "<robot name='r'/>", "<robot><joint name='j'/></robot>"])
 def test_a_urdf_without_links_is_told_to_have_none(text):
-    with pytest.raises(DescriptionError) as caught:
+    with pytest.raises(DescriptionError, match="<link>" if text else None):
         read_urdf(text)
-    assert "without a parent" not in str(caught.value)
-    assert "no <link>" in str(caught.value) or not text
 
 
 XACRO = '<xacro:property name="m" value="2"/><xacro:macro name="leg"/>'
@@ -191,21 +188,21 @@ XACRO = '<xacro:property name="m" value="2"/><xacro:macro name="leg"/>'
 def test_a_xacro_file_is_called_so(declared):
     text = re.sub("<robot([^>]*)>", rf"<robot\1{declared}>{XACRO}", URDF, count=1)
     text = re.sub('mass value="[^"]*"', 'mass value="${m}"', text)
-    with pytest.raises(DescriptionError, match=r"this is a xacro file.*Expand it first"):
+    with pytest.raises(DescriptionError, match="xacro"):
         read_urdf(text)
 
 
 def test_size_depth_and_number_of_links_are_bounded():
-    with pytest.raises(DescriptionError, match="bytes"):
+    with pytest.raises(DescriptionError, match=rf"{MAX_BYTES}"):
         read_urdf(URDF + " " * MAX_BYTES)
-    with pytest.raises(DescriptionError, match="nested deeper"):
+    with pytest.raises(DescriptionError, match="nested"):
         read_urdf("<robot>" + "<a>" * 100_000)
     crowd = "".join(
         f'<link name="x{i}"/><joint name="j{i}" type="fixed">'
         f'<parent link="tool"/><child link="x{i}"/></joint>'
         for i in range(1020)
     )
-    with pytest.raises(DescriptionError, match="1025 links"):
+    with pytest.raises(DescriptionError, match="1025"):
         read_urdf(URDF.replace("</robot>", crowd + "</robot>"))
 
 

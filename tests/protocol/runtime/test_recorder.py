@@ -76,6 +76,6 @@ def test_a_patient_recorder_says_so_when_its_reader_has_died(ring, dies_after, p
     recorder = BlockingRecorder(ring, reader.alive)
     for stamp in range(4):
         recorder.record(Kind.STATE, stamp, b"x")
-    with pytest.raises(Hoap3Error, match="not whole"):
+    with pytest.raises(Hoap3Error):
         recorder.record(Kind.STATE, 5, payload)
     assert reader.asked == dies_after + 1

