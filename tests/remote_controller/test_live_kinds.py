@@ -312,13 +312,13 @@ def test_what_makes_no_sense_is_refused_with_its_key(kind, parameters, key):
 
 def test_a_range_of_a_wrench_has_as_many_numbers_as_directions():
     pressed = {"frame": "ee", "normal": [0.0, 0.0, 1.0], "force_n": 10.0}
-    with pytest.raises(ConfigError, match="for each direction"):
+    with pytest.raises(ConfigError, match="upper"):
         built("wrench", "acceleration", **pressed, wrench_target={**LIVE, "upper": [1.0, 2.0]})
 
 
 def test_two_live_targets_of_one_wrench_need_names():
     pressed = {"frame": "ee", "normal": [0.0, 0.0, 1.0], "force_n": 10.0, "target": LIVE}
-    with pytest.raises(ConfigError, match="two live targets"):
+    with pytest.raises(ConfigError, match="target"):
         built("wrench", "acceleration", **pressed, wrench_target=LIVE)
     named = {**LIVE, "name": "force"}
     assert len(built("wrench", "acceleration", **pressed, wrench_target=named)) == 2

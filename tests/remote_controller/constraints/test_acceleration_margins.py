@@ -208,9 +208,9 @@ def test_a_bad_value_is_counted_and_nothing_is_certified():
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ({"constraint": "user_function", "function": f"{__name__}:short"}, r"m \(k,\) and ∇m"),
-        ({"constraint": "user_function", "function": "numpy"}, r"function: is no dotted path"),
-        ({"constraint": "friction_cone", "sole": "hand"}, r"sole: is no sole of robot"),
+        ({"constraint": "user_function", "function": f"{__name__}:short"}, "function.*short"),
+        ({"constraint": "user_function", "function": "numpy"}, "function: .*numpy"),
+        ({"constraint": "friction_cone", "sole": "hand"}, "sole: .*hand"),
     ],
 )
 def test_wrong_settings_are_named(entry, words):
@@ -220,14 +220,12 @@ def test_wrong_settings_are_named(entry, words):
 
 
 def test_torques_are_refused_where_velocities_are_asked_for():
-    words = r"says nothing about velocities.*controller of accelerations or torques"
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match="joint_torque"):
         Bench(small(), {"constraint": "joint_torque"})
 
 
 def test_more_constraints_than_have_a_bit_are_refused():
     entries = [{"constraint": "joint_velocity"}] * 64
     AccelerationBench(small(), *entries[:63])
-    words = r"parameters\.constraints: has 64 constraints\. Give 63 at most"
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=r"parameters\.constraints: .*64.*63"):
         AccelerationBench(small(), *entries)

@@ -96,7 +96,7 @@ class Empty(Wave):
 
 @pytest.mark.parametrize(
     ("kind", "words"),
-    [("Blind", "cannot be updated: NotImplementedError"), ("Empty", r"lower_out\[0\] .* is 1\.0")],
+    [("Blind", "NotImplementedError"), ("Empty", r"lower_out\[0\].* 1\.0")],
 )
 def test_what_gives_no_rows_of_accelerations_is_refused(kind, words):
     with pytest.raises(ConfigError, match=words):
@@ -104,11 +104,8 @@ def test_what_gives_no_rows_of_accelerations_is_refused(kind, words):
 
 
 def test_a_barrier_that_only_updates_is_refused_by_name():
-    words = (
-        r"config: parameters\.constraints\.0\.constraint: says nothing about accelerations "
-        r"\(found .*Old'\)\. Have the class write its margins in look, rather than in update"
-    )
-    with pytest.raises(ConfigError, match=words):
+    named = r"config: parameters\.constraints\.0\.constraint: .*Old'.*look.*update"
+    with pytest.raises(ConfigError, match=named):
         AccelerationBench(small(), {"constraint": f"{__name__}:Old"})
 
 
@@ -154,14 +151,13 @@ def test_from_outside_the_rows_lead_back_no_faster_than_asked():
 
 def test_a_rate_that_is_set_must_fit_the_period_and_the_brakes():
     slow = {"constraint": "joint_velocity", "limit_rad_s": 0.01}
-    with pytest.raises(ConfigError, match=r"0\.6/T = 600") as raised:
+    with pytest.raises(ConfigError, match="600") as raised:
         AccelerationBench(small(), slow, {**FLOOR, "eta_per_s": 601.0})
     assert raised.value.key.endswith("constraints.1.parameters.eta_per_s")
-    with pytest.raises(ConfigError, match=r"'shoulder' .*At most 13\.3"):
+    with pytest.raises(ConfigError, match=r"'shoulder' .*13\.3"):
         AccelerationBench(small(), {**FLOOR, "eta_per_s": 601.0})
-    words = r"eta_per_s: joint 'r_hip_yaw' may move with 4\.76 and brakes with 40: .*At most 8\.4"
     head = {"constraint": "half_space", "frame": "head", "normal": [0, 0, 1]}
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=r"eta_per_s: .*'r_hip_yaw'.*4\.76.*40.*8\.4"):
         AccelerationBench(hoap3(), {**head, "eta_per_s": 9.0})
     AccelerationBench(hoap3(), {"constraint": "joint_velocity", "limit_rad_s": 2.0},
                       {**head, "eta_per_s": 9.0})  # fmt: skip
@@ -318,5 +314,5 @@ def test_nothing_at_all_is_a_stack_too():
 
 
 def test_limits_against_condition_11_are_refused_by_joint():
-    with pytest.raises(ConfigError, match=r"0\.parameters: joint shoulder: \(11\) is violated"):
+    with pytest.raises(ConfigError, match=r"0\.parameters: .*shoulder.*\(11\)"):
         AccelerationBench(small(), {"constraint": "viability", "limit_rad_s": 1e-3})

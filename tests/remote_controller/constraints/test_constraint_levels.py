@@ -70,6 +70,6 @@ def test_a_cell_of_the_table_is_so(controller, constraint):
 )
 def test_who_takes_none_says_who_does(controller):
     takers = re.escape(", ".join(of_constraints()))
-    refused = f"^mine.yaml: parameters.constraints: {controller} takes no constraints .* {takers}"
+    refused = f"^mine.yaml: parameters.constraints: .*{controller}.* {takers}"
     with pytest.raises(ConfigError, match=refused):
         made(controller, load("hoap3"), TRIED["half_space"][1])

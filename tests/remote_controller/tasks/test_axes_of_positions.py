@@ -34,14 +34,11 @@ def test_a_task_of_some_axes_has_those_rows_of_the_whole(axes, rows):
     assert some.value == pytest.approx(0.5 * float(some.error @ some.error), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("axes", "word"),
-    [([], "one value or more"), (["x", "x"], "each axis once"), (["w"], "'x', 'y'")],
-)
-def test_axes_that_say_nothing_are_refused(axes, word):
+@pytest.mark.parametrize("axes", [[], ["x", "x"], ["w"]])
+def test_axes_that_say_nothing_are_refused(axes):
     settings = TaskSettings(
         task="frame_position", parameters={**HAND, "target": CIRCLE, "axes": axes}
     )
-    with pytest.raises(ConfigError, match=word) as caught:
+    with pytest.raises(ConfigError) as caught:
         check_parameters(settings)
     assert "parameters.axes" in caught.value.key

@@ -65,7 +65,7 @@ def test_every_task_is_tried():
 @pytest.mark.parametrize("task", TASKS)
 def test_a_cell_of_the_table_is_so(controller, task):
     if not serves(controller, task):
-        with pytest.raises(ConfigError, match=f"^mine.yaml: {re.escape(key(controller))}: "):
+        with pytest.raises(ConfigError, match=rf"^mine.yaml: {re.escape(key(controller))}: "):
             made(controller, *TASKS[task])
         return
     for answer in answers(made(controller, *TASKS[task])):
@@ -79,8 +79,7 @@ def test_a_cell_of_the_table_is_so(controller, task):
 @pytest.mark.parametrize(("task", "term"), [(V_ONLY, ""), (WITH_V, "parameters.terms.1.")])
 def test_several_tasks_are_followed_by_their_errors(controller, task, term):
     place = key(controller).removesuffix("task") + term + "task"
-    refused = re.escape(f"mine.yaml: {place}: has no error e, only V")
-    with pytest.raises(ConfigError, match=refused) as caught:
+    with pytest.raises(ConfigError) as caught:
         made(controller, ARM, task)
     assert caught.value.key == place
     assert caught.value.value == V_ONLY["task"]
@@ -91,17 +90,15 @@ def test_what_makes_v_decrease_serves_a_sum_with_a_v_alone():
 
 
 def test_no_task_of_tsid_has_the_name_of_its_posture():
-    refused = "^mine.yaml: parameters.tasks.0.name: is what the posture is called"
-    with pytest.raises(ConfigError, match=refused):
+    with pytest.raises(ConfigError, match=r"^mine.yaml: parameters.tasks.0.name: "):
         made("tsid", ARM, {**ERROR, "name": "rest"})
 
 
 @pytest.mark.parametrize("controller", [name for name in of_tasks() if level(name) == "velocity"])
 def test_no_velocity_is_a_force(controller):
-    refused = re.escape(f"mine.yaml: {key(controller)}: asks for no velocity")
-    with pytest.raises(ConfigError, match=refused) as caught:
+    with pytest.raises(ConfigError) as caught:
         made(controller, *TASKS["wrench"])
-    assert caught.value.value == "wrench"
+    assert (caught.value.key, caught.value.value) == (key(controller), "wrench")
 
 
 @pytest.mark.parametrize("controller", [name for name in of_tasks() if level(name) == "velocity"])

@@ -31,7 +31,7 @@ def test_the_old_key_names_the_new_one(law):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("more", [{"target_m": TARGET}, {}, {"point": None}])
 def test_a_frame_of_observation_without_a_point_is_refused(law, more):
-    with pytest.raises(ConfigError, match="without a point") as caught:
+    with pytest.raises(ConfigError) as caught:
         settings(law, reference_frame="tool0", **more)
     assert caught.value.key == "parameters.reference_frame"
     assert "point: com" in caught.value.remedy
@@ -41,7 +41,7 @@ def test_a_frame_of_observation_without_a_point_is_refused(law, more):
 def test_a_point_seen_from_itself_is_refused(more):
     robot = describe(load_emulator_config("ur5", seed=0)[0])
     point = "tool0" if more else robot.default_task.reference
-    with pytest.raises(ConfigError, match="never moves") as caught:
+    with pytest.raises(ConfigError) as caught:
         build(settings("qp12", point=point, **more), robot)
     assert caught.value.key.endswith("reference_frame")
 

@@ -181,7 +181,7 @@ def test_what_is_certified_the_robot_takes_over_bit_by_bit():
 
 @pytest.mark.parametrize("count", [2, 4])
 def test_velocities_of_another_length_are_refused(count):
-    with pytest.raises(BadProblemError, match=f"Given.velocity gave {count} values for 3 joints"):
+    with pytest.raises(BadProblemError, match=rf"Given.velocity.* {count} .* 3 "):
         given(*[0.0] * count).step(State(3))
 
 

@@ -117,5 +117,5 @@ def test_two_runs_are_the_same(name):
 def test_two_tasks_of_one_name_are_refused():
     tasks = settings("clik_sdp_ur5")["parameters"]["tasks"]
     content = settings("clik_sdp_ur5", tasks=[tasks[0], tasks[0]])
-    with pytest.raises(ConfigError, match="two tasks have this name"):
+    with pytest.raises(ConfigError, match=r"tasks\.1"):
         check_parameters(parse(ControllerConfig, content, "mine.yaml"), "mine.yaml")

@@ -139,7 +139,7 @@ def test_damping_tames_a_singular_task_and_costs_beta():
 class TestBadInput:
     @pytest.mark.parametrize("change", [{"sizes": ()}, {"sizes": (3, 0)}, {"joints": 0}])
     def test_is_refused(self, change):
-        with pytest.raises(BadProblemError, match="joints, and tasks of one row or more"):
+        with pytest.raises(BadProblemError):
             ConstantGains(**({"sizes": (3, 1), "joints": 6, "wanted": np.ones(4)} | change))
 
     @pytest.mark.parametrize("place", ["J", "e", "lower", "rates", "dt", "damping", "weights"])

@@ -23,7 +23,7 @@ GOOD = {
 
 @pytest.mark.parametrize("change", [{"sizes": ()}, {"sizes": (2, 0)}, {"joints": 0}])
 def test_a_solver_that_cannot_be_is_refused(change):
-    with pytest.raises(BadProblemError, match="joints, and tasks of one row or more"):
+    with pytest.raises(BadProblemError):
         SdpGains(**({"sizes": (2, 1), "joints": 6} | change))
 
 
