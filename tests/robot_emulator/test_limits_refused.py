@@ -25,11 +25,10 @@ def test_limits_against_condition_11_name_robot_joint_and_remedy(kind):
         build_body(robot, EmulatorConfig())
     for word in (robot.name, robot.joint_names[0], "(11)", kind, "brake_acceleration"):
         assert word in str(refused.value)
-    assert "shrunk" not in str(refused.value)
 
 
 def test_config_check_refuses_what_a_start_would(tmp_path):
     path = str(write(tmp_path, YAML + FAST))
-    assert checked(path, ["command=position"]) == "a correct config of an emulator"
-    with pytest.raises(DescriptionError, match="cannot take torque"):
+    checked(path, ["command=position"])
+    with pytest.raises(DescriptionError, match="torque"):
         checked(path, ["command=torque"])

@@ -126,22 +126,21 @@ def test_a_body_that_touches_nothing_publishes_zeros(kind):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "named"),
     [
-        ({"frame": "eee"}, "plant.contacts.0.frame: robot 'lwr' has no such frame .found 'eee'"),
-        ({"frame": "eee"}, "Did you mean 'ee'. Its frames: base, ee, elbow, link_1"),
-        ({"frame": "base"}, "plant.contacts.0.frame: no joint moves it"),
-        ({"normal": [0.0, 0.0, 0.0]}, "plant.contacts.0.normal: should point somewhere"),
-        ({"point_m": [0.0, 0.0, 1e9]}, "plant.contacts.0.point_m: should be within 1000 m"),
-        ({"stiffness_n_m": 0.0}, "plant.contacts.0.stiffness_n_m: should be greater than 0"),
-        ({"damping_n_s_m": -1.0}, "plant.contacts.0.damping_n_s_m: should be greater than"),
-        ({"friction": -0.1}, "plant.contacts.0.friction: should be greater than or equal to 0"),
-        ({"stiffnes_n_m": 1.0}, "plant.contacts.0.stiffnes_n_m: unknown key"),
+        ({"frame": "eee"}, "'eee'.*'ee'.*base, ee, elbow, link_1"),
+        ({"frame": "base"}, "base"),
+        ({"normal": [0.0, 0.0, 0.0]}, ""),
+        ({"point_m": [0.0, 0.0, 1e9]}, "1000 m"),
+        ({"stiffness_n_m": 0.0}, "0"),
+        ({"damping_n_s_m": -1.0}, "-1"),
+        ({"friction": -0.1}, "-0.1"),
+        ({"stiffnes_n_m": 1.0}, "'stiffness_n_m'"),
     ],
 )
-def test_a_wrong_contact_is_one_error_that_names_it(change: dict[str, object], message: str):
+def test_a_wrong_contact_is_one_error_that_names_it(change: dict[str, object], named: str):
     content = {"robot": "lwr", "command": "torque", "plant": {"contacts": [{**PLANE, **change}]}}
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises(ConfigError, match=rf"plant\.contacts\.0\.{next(iter(change))}: .*{named}"):
         describe(parse(EmulatorConfig, content, "file.yaml"), "file.yaml")
 
 
@@ -149,7 +148,7 @@ def test_a_wrong_contact_is_one_error_that_names_it(change: dict[str, object], m
 def test_a_body_that_feels_no_force_takes_no_contacts(kind: str):
     content = {"robot": "lwr", "command": kind, "plant": {"contacts": [PLANE]}}
     config = parse(EmulatorConfig, content, "file.yaml")
-    with pytest.raises(ConfigError, match=f"plant.contacts: are for torque commands, not {kind}"):
+    with pytest.raises(ConfigError, match=rf"plant\.contacts: .*{kind}"):
         describe(config, "file.yaml")
 
 

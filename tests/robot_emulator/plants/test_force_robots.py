@@ -114,14 +114,11 @@ def test_a_stop_for_which_efforts_do_not_suffice_is_left_to_the_brakes(word: str
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"robot": "hoap3", "command": "torque"}, "command: hoap3 takes position"),
-        (
-            {"robot": "ur5", "command": "torque", "plant": {"servo": "lag"}},
-            "plant.servo: is for position commands, not torque",
-        ),
+        ({"robot": "hoap3", "command": "torque"}, "command: .*position"),
+        ({"robot": "ur5", "command": "torque", "plant": {"servo": "lag"}}, "servo: .*torque"),
         (
             {"robot": "ur5", "command": "acceleration", "loss_policy": "extrapolate"},
-            "loss_policy: is for position commands, not acceleration",
+            "loss_policy: .*acceleration",
         ),
     ],
 )

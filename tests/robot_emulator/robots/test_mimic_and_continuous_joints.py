@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -59,29 +60,27 @@ def test_what_becomes_of_limits_is_told_of_each_mimicked_joint(tmp_path):
     notes = mimic_joint_notes(following_arm(tmp_path))
     assert len(notes) == 2
     finger, elbow = notes
-    for word in ("'finger'", "thumb, thumb_tip", "velocity 0.15 instead of 0.2"):
-        assert word in finger
-    for word in ("'elbow'", "far_elbow", "lower -2.2 instead of -2.5", "upper 1.8 instead of 2.5"):
-        assert word in elbow
+    assert re.search("'finger'.*thumb, thumb_tip.*velocity 0.15.* 0.2", finger)
+    assert re.search("'elbow'.*far_elbow.*lower -2.2.* -2.5.*upper 1.8.* 2.5", elbow)
     wider = YAML.replace("{name: elbow, ", "{name: elbow, lower: -2.3, upper: 1.5, ")
     (_, elbow) = mimic_joint_notes(following_arm(tmp_path, wider))
-    assert "lower -2.3, where they may go to -2.2 only" in elbow
+    assert re.search("lower -2.3.* -2.2", elbow)
     assert "upper" not in elbow
 
 
 def test_a_joint_that_its_mimic_joints_leave_no_room_is_refused(tmp_path):
     urdf = URDF.replace('multiplier="0.5" offset="0.1"', 'multiplier="0.5" offset="9"')
-    with pytest.raises(DescriptionError, match=r"joint 'elbow': .*'far_elbow'"):
+    with pytest.raises(DescriptionError, match=r"'elbow': .*'far_elbow'"):
         following_arm(tmp_path, urdf=urdf)
 
 
 def test_a_mimic_joint_in_joints_is_refused_and_its_mimicked_joint_named(tmp_path):
     yaml = YAML.replace("[finger, turn", "[thumb, turn")
-    with pytest.raises(DescriptionError, match="'thumb': it follows 'finger'"):
+    with pytest.raises(DescriptionError, match=r"'thumb': .*'finger'"):
         following_arm(tmp_path, yaml)
     arm = following_arm(tmp_path)
     thumb = arm.joints[0].model_copy(update={"name": "thumb_tip"})
-    with pytest.raises(DescriptionError, match="'thumb_tip': it follows 'finger'"):
+    with pytest.raises(DescriptionError, match=r"'thumb_tip': .*'finger'"):
         arm.model_copy(update={"joints": (thumb, *arm.joints[1:])})
 
 
@@ -106,7 +105,7 @@ def test_a_continuous_joint_may_be_given_limits(tmp_path):
 
 def test_a_continuous_joint_needs_a_speed_and_an_effort(tmp_path):
     urdf = URDF.replace('<limit velocity="2" effort="80"/>', "")
-    with pytest.raises(DescriptionError, match=r"'turn': .*Write velocity and effort"):
+    with pytest.raises(DescriptionError, match=r"'turn': .*velocity and effort"):
         following_arm(tmp_path, urdf=urdf)
     yaml = YAML.replace("turn,", "{name: turn, velocity: 1.0, effort: 5.0},")
     yaml = yaml.replace("{name: roll,", "{name: roll, velocity: 1.0, effort: 5.0,")
@@ -128,7 +127,7 @@ def test_positions_are_drawn_from_one_turn_where_there_is_no_limit(tmp_path):
 
 def test_an_encoder_that_does_not_wrap_needs_limits(tmp_path):
     yaml = YAML.replace("turn,", "{name: turn, encoder_counts_per_rad: 1000.0},")
-    with pytest.raises(DescriptionError, match=r"'turn': encoder_counts_per_rad cannot be 1000\.0"):
+    with pytest.raises(DescriptionError, match=r"'turn': encoder_counts_per_rad.*1000\.0"):
         following_arm(tmp_path, yaml)
     yaml = yaml.replace("1000.0", "1000.0, lower: -3.0, upper: 3.0")
     assert following_arm(tmp_path, yaml).joints[1].encoder_counts_per_rad == 1000.0
@@ -138,7 +137,7 @@ def test_no_other_joint_goes_without_limits(tmp_path):
     arm = following_arm(tmp_path)
     raw = json.loads(arm.to_json())
     raw["joints"][3] |= dict.fromkeys(LIMITS)
-    with pytest.raises(DescriptionError, match="joint 'lift': no position limits, but revolute"):
+    with pytest.raises(DescriptionError, match=r"'lift': .*revolute"):
         RobotDescription.from_json(json.dumps(raw).encode())
 
 
@@ -147,6 +146,6 @@ def test_postures_of_a_continuous_joint_are_finite(tmp_path):
     far = arm.model_copy(update={"postures": {"bent": (0.01, 700.0, 0.7, 0.5, -0.3)}})
     assert far.initial_position[1] == 700.0
     for value in (math.inf, math.nan):
-        with pytest.raises(DescriptionError, match="joint 'turn' at"):
+        with pytest.raises(DescriptionError, match="'turn'"):
             arm.model_copy(update={"postures": {"bent": (0.01, value, 0.7, 0.5, -0.3)}})
     assert arm.postures["zero"] == (0.0,) * 5

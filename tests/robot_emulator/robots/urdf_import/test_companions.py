@@ -88,10 +88,9 @@ def test_a_gltf_keeps_its_buffers_and_images(package, binary):
     (shown / name).write_bytes(data)
     (shown / "hand shape.bin").write_bytes(b"1234")
     (shown / "textures" / "skin.png").write_bytes(b"skin")
-    folder, said = imported(package, f"shown/{name}")
+    folder, _ = imported(package, f"shown/{name}")
     assert (folder / "meshes" / "hand shape.bin").read_bytes() == b"1234"
     assert (folder / "meshes" / "textures" / "skin.png").read_bytes() == b"skin"
-    assert "files that meshes name" not in said
 
 
 def test_a_collada_file_keeps_its_images(package):
@@ -99,9 +98,8 @@ def test_a_collada_file_keeps_its_images(package):
     shown.mkdir()
     (shown / "fore.dae").write_text(COLLADA)
     (shown / "paint.jpg").write_bytes(b"paint")
-    folder, said = imported(package, "shown/fore.dae")
+    folder, _ = imported(package, "shown/fore.dae")
     assert (folder / "meshes" / "paint.jpg").read_bytes() == b"paint"
-    assert "files that meshes name" not in said
 
 
 @pytest.mark.parametrize(

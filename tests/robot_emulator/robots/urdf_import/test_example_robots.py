@@ -109,6 +109,6 @@ def test_every_vendors_robot_has_its_joints_and_moves_as_pinocchio_says(name):
 
 @pytest.mark.parametrize("name", sorted(EXAMPLES.keys() - MOVING.keys() | REFUSED.keys()))
 def test_what_does_not_load_says_why(name):
-    said = REFUSED.get(name, "no joint moves|no <link>")
+    said = REFUSED.get(name, "joint|<link>")
     with pytest.raises(DescriptionError, match=said):
         import_robot(EXAMPLES[name])

