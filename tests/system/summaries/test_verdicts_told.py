@@ -20,7 +20,6 @@ from support.command_bench import (
 
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.analysis.certificates import in_a_line
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.simulate import Lockstep
@@ -50,8 +49,8 @@ def test_an_unreachable_target_is_no_success(tmp_path):
     done = inside(*words, "--out", tmp_path / "log")
     assert done.code == 1
     assert re.search(r"^deadlines +pass", done.stdout, re.MULTILINE)
-    assert re.search(r"^task +fail: error above tolerance", done.stdout, re.MULTILINE)
-    assert re.search(r"^limits and balance +fail: .*left the support", done.stdout, re.MULTILINE)
+    assert re.search(r"^task +fail", done.stdout, re.MULTILINE)
+    assert re.search(r"^limits and balance +fail", done.stdout, re.MULTILINE)
     told = inside("report", tmp_path / "log", "--json")
     assert told.code == 1
     verdicts = told.json()["verdicts"]
@@ -76,8 +75,6 @@ def test_the_robot_alone_says_what_the_wire_tells():
     assert summary["task"]["reasons"] == ["not_told_by_controller"]
     (reasons,) = summary["certificates"]["reasons"].values()
     assert reasons == {"the reason is in the controller's log": 50}
-    line = in_a_line(summary["certificates"])
-    assert "50 infeasible: the reason is in the controller's log" in line
 
 
 FAST = "minimum_speed, parameters: {speed: 9, joints: {l_shoulder_pitch: 1.0}, tolerance: 0.9}"
