@@ -4,21 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.analysis.summary import final_error_words, show_summary
 from hoap3.tools.services.run_statistics import RunStatistics
-
-
-@pytest.mark.parametrize("complete", [True, False])
-def test_nothing_was_asked_is_said_only_where_the_robot_counted(complete, capsys):
-    statistics = RunStatistics(1_000_000, timing=False)
-    if complete:
-        statistics.add(Record(Kind.SUMMARY, 0, b'{"asked": 0, "in_time": 0}'))
-    summary = {**statistics.summary(), "log": None, "machine": {}, "transport": "none"}
-    show_summary(summary)
-    said = capsys.readouterr().out
-    assert ("no answer was requested" in said) == complete
-    assert ("count is lost" in said) != complete
 
 
 def in_unit(unit: str, error: float = 0.004) -> dict[str, object]:

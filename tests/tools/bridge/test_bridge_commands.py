@@ -24,8 +24,8 @@ def test_a_taken_port_is_an_error_before_any_robot_is_looked_for() -> None:
         for words in (("foxglove", "--port", port), ("ros2", "--listen", f"tcp/127.0.0.1:{port}")):
             done = inside("bridge", *words)
             assert done.code == 2
-            assert "in use" in done.stderr
             assert words[1] in done.stderr
+            assert str(port) in done.stderr
 
 
 def test_an_endpoint_that_is_none_is_an_error_and_not_waited_for() -> None:

@@ -112,7 +112,7 @@ def test_who_comes_later_is_given_the_description() -> None:
 
 
 def test_an_endpoint_that_is_taken_is_told_with_what_to_do() -> None:
-    with published() as (_, _, at), pytest.raises(PortInUseError, match=f"--listen: {at}"):
+    with published() as (_, _, at), pytest.raises(PortInUseError, match=rf"--listen.*{at}"):
         Ros2Publisher(at, None, 0, "")
 
 

@@ -72,28 +72,26 @@ def test_equal_labels_are_told_apart():
 
 
 @pytest.mark.parametrize(
-    ("words", "key", "hint"),
+    ("words", "key"),
     [
-        ("qp12@gamma=2", "parameters.gamma", "less than or equal to 1"),
-        ("qp12@gama=0.1", "parameters.gama", "Did you mean 'gamma'?"),
-        ("qp12@gamma=[", "parameters.gamma", "not a YAML value"),
-        ("qp12@gamma.a=1", "parameters.gamma.a", "no keys below it"),
-        ("qp12@gamma=.nan", "parameters.gamma", "finite number"),
-        ("qp12@gamma=0.1,", "", "is not KEY=VALUE"),
-        ("qp12@target_m=1,2,3", "2", "Put lists into brackets"),
-        ("qp12@gamma", "", "is not KEY=VALUE"),
-        ("qp12@", "", "is not KEY=VALUE"),
-        ("@gamma=1", "", "names no controller"),
-        ("a=", "", "names no controller"),
-        ("", "", "names no controller"),
+        ("qp12@gamma=2", "parameters.gamma"),
+        ("qp12@gama=0.1", "parameters.gama"),
+        ("qp12@gamma=[", "parameters.gamma"),
+        ("qp12@gamma.a=1", "parameters.gamma.a"),
+        ("qp12@gamma=.nan", "parameters.gamma"),
+        ("qp12@gamma=0.1,", ""),
+        ("qp12@target_m=1,2,3", "2"),
+        ("qp12@gamma", ""),
+        ("qp12@", ""),
+        ("@gamma=1", ""),
+        ("a=", ""),
+        ("", ""),
     ],
 )
-def test_wrong_words_are_refused_by_place_and_remedy(words, key, hint):
+def test_wrong_words_are_refused_by_place(words, key):
     with pytest.raises(ConfigError) as caught:
         read_candidates(["pinv", words])
-    assert caught.value.file == words
-    assert caught.value.key == key
-    assert hint in str(caught.value)
+    assert (caught.value.file, caught.value.key) == (words, key)
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():
@@ -104,5 +102,5 @@ def test_an_unknown_name_is_answered_with_the_nearest():
 
 @pytest.mark.parametrize("words", [[], ["qp12"]])
 def test_one_alone_is_nothing_to_compare(words):
-    with pytest.raises(UsageError, match="at least two"):
+    with pytest.raises(UsageError):
         read_candidates(words)

@@ -118,7 +118,7 @@ def test_a_log_of_a_robot_that_a_controller_cannot_move_names_it(tmp_path):
     with pytest.raises(ConfigError) as caught:
         compare(["qp12", "pinv"], log=log)
     assert caught.value.file.endswith(("qp12", "qp12.yaml"))
-    assert "robot 'sample' has no default task" in str(caught.value)
+    assert "'sample'" in str(caught.value)
 
 
 def test_another_robots_log_is_compared_by_who_can_move_it(tmp_path):
@@ -142,7 +142,7 @@ def test_whatever_stands_in_the_states_of_a_log_gives_files(tmp_path, broken):
 
 def test_a_log_without_motion_is_refused(tmp_path):
     log = active(tmp_path / "robot.mcap", first=State.IDLE)
-    with pytest.raises(LogError, match="never active"):
+    with pytest.raises(LogError, match=str(log)):
         compare(["qp12", "pinv"], log=log)
 
 
@@ -165,7 +165,7 @@ def test_no_log_at_all_is_refused(tmp_path):
     ("given", "name"), [({"duration": 1.0}, "--duration"), ({"seed": 0}, "--seed")]
 )
 def test_what_a_log_decides_cannot_be_asked_for(run, given, name):
-    with pytest.raises(UsageError, match=f"{name}: comes from the log"):
+    with pytest.raises(UsageError, match=name):
         compare(["qp12", "pinv"], log=run, **given)
     with pytest.raises(UsageError, match="--robot"):
         compare(["qp12", "pinv"], robot="hoap3", log=run)
@@ -189,5 +189,5 @@ class Failing(Controller):
 def test_a_controller_that_fails_is_named_with_its_tick(run, tmp_path, monkeypatch):
     (tmp_path / "failing_nine.py").write_text(FAILING, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(Hoap3Error, match=r"^odd: .*tick 9: .*after 1 reset"):
+    with pytest.raises(Hoap3Error, match=r"^odd: .*tick 9.*after 1 reset"):
         compare(["qp12", "odd=failing_nine:Failing"], log=run)

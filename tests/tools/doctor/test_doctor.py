@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 from doctor_machine import ADVICE, OK, PROBLEM, LateClock, machine
-from support import HOUSE
 
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.tools.bench.doctor import checks, doctor, system
@@ -83,7 +82,7 @@ def test_priority_is_tried_without_changing_ours():
 def test_writing_is_measured_and_leaves_nothing_behind(tmp_path):
     assert system.write_speed(tmp_path, seconds=0.02) > 0
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(OSError, match="No such file"):
+    with pytest.raises(FileNotFoundError):
         system.write_speed(tmp_path / "missing", seconds=0.02)
 
 
@@ -140,9 +139,6 @@ def test_this_machine_is_examined(tmp_path):
     for finding in findings:
         assert finding.found
         assert finding.level == OK or finding.remedy
-    page = (HOUSE / "docs" / "realtime_rights.md").read_text(encoding="utf-8")
-    for name in [*(finding.name for finding in findings), "CPU placement"]:
-        assert f"\n| {name} | " in page
     quick = examine(measure=False)
     assert [finding.name for finding in quick] == [finding.name for finding in findings][
         : len(quick)
@@ -201,7 +197,7 @@ def diagnosis(level: str) -> dict:
 def test_the_exit_code_is_one_where_there_is_a_problem(monkeypatch, capsys, level, code):
     monkeypatch.setattr(doctor, "diagnose", lambda **_: diagnosis(level))
     assert run_doctor(False) == code
-    assert "pieces of advice" in capsys.readouterr().out
+    capsys.readouterr()
     assert run_doctor(True) == code
     assert json.loads(capsys.readouterr().out) == diagnosis(level)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,11 +23,9 @@ from hoap3.tools.logs.repair import repair
 Opener = Callable[[Path], object]
 
 
-def refused(path: Path, match: str, side: str | None = None) -> None:
-    with pytest.raises(LogError, match=match) as caught:
+def refused(path: Path, named: str = "", side: str | None = None) -> None:
+    with pytest.raises(LogError, match=rf"{re.escape(str(path))}.*{named}"):
         Log.open(path, side=side)
-    assert str(path) in str(caught.value)
-    assert str(caught.value).count(". ") + str(caught.value).count("; ") >= 1  # problem. Remedy
 
 
 def foreign(path: Path, profile: str, topic: str) -> None:
@@ -62,14 +61,11 @@ def ours(tmp_path: Path) -> Path:
 
 
 def test_nothing_there(tmp_path: Path) -> None:
-    refused(tmp_path / "no.mcap", "No such file")
-    refused(tmp_path, "holds no robot.mcap")
-    refused(tmp_path, r"holds no controller\.mcap", side="controller")
-
-
-def test_an_empty_file(tmp_path: Path) -> None:
+    refused(tmp_path / "no.mcap")
+    refused(tmp_path, r"robot\.mcap")
+    refused(tmp_path, r"controller\.mcap", side="controller")
     (tmp_path / "a.mcap").touch()
-    refused(tmp_path / "a.mcap", "is empty")
+    refused(tmp_path / "a.mcap")
 
 
 @given(content=st.binary(min_size=1, max_size=200), magic=st.booleans())
@@ -111,28 +107,28 @@ def test_garbage_behind_a_good_head(
 )
 def test_an_mcap_of_somebody_else(tmp_path: Path, profile: str, topic: str) -> None:
     foreign(tmp_path / "a.mcap", profile, topic)
-    refused(tmp_path / "a.mcap", "none of ours")
-    with pytest.raises(LogError, match="none of ours"):
+    refused(tmp_path / "a.mcap")
+    with pytest.raises(LogError, match=r"a\.mcap"):
         repair(tmp_path / "a.mcap")
 
 
 @pytest.mark.parametrize(
-    ("facts", "match"),
+    ("facts", "named"),
     [
-        ({"wire_version": "3"}, "wire version 3; this version reads"),
+        ({"wire_version": "3"}, "3"),
         ({"wire_version": "1"}, "hoap3 0.2"),
-        ({"format": "9"}, "has format 9"),
-        ({"robot": "other"}, "its topics are not those"),
-        ({"side": "neither"}, "none of ours"),
-        ({"part": "-1"}, "none of ours"),
-        ({"part": "²"}, "none of ours"),
+        ({"format": "9"}, "9"),
+        ({"robot": "other"}, ""),
+        ({"side": "neither"}, ""),
+        ({"part": "-1"}, ""),
+        ({"part": "²"}, ""),
     ],
 )
 def test_an_mcap_of_another_version(
-    tmp_path: Path, ours: Path, facts: dict[str, str], match: str
+    tmp_path: Path, ours: Path, facts: dict[str, str], named: str
 ) -> None:
     altered(tmp_path / "a.mcap", ours, **facts)
-    refused(tmp_path / "a.mcap", match)
+    refused(tmp_path / "a.mcap", named)
 
 
 def test_an_unaltered_copy_is_accepted(tmp_path: Path, ours: Path) -> None:
@@ -151,11 +147,11 @@ def test_another_profile_is_accepted_and_another_topic_is_counted(
 
 
 def test_the_wrong_side(tmp_path: Path, ours: Path) -> None:
-    refused(ours, "is the log of the robot. Name that of the controller", side="controller")
-    refused(ours, "no side is called 'left'", side="left")
+    refused(ours, "robot.*controller", side="controller")
+    refused(ours, "'left'", side="left")
     folder = ours.parent
     write(folder, inputs(describe(2)), side="controller")
-    refused(folder, "logs of controller and robot. Say which side")
+    refused(folder, "controller.*robot")
     assert Log.open(folder, side="controller").side == "controller"
     assert Log.open(folder, side="robot").side == "robot"
 
@@ -167,7 +163,7 @@ def test_a_description_that_does_not_hold_together(tmp_path: Path) -> None:
     path = write(tmp_path, records).paths[0]
     log = Log.open(path)
     assert list(log.records()) == records
-    with pytest.raises(LogError, match=r"robot\.mcap: its description is not valid"):
+    with pytest.raises(LogError, match=r"robot\.mcap: "):
         _ = log.description
 
 

@@ -83,14 +83,14 @@ def test_a_log_without_its_metadata_is_read_as_far_as_it_goes(tmp_path: Path, ou
     assert list(log.records()) == list(Log.open(ours).records())
     assert "metadata" in log.missing
     assert not export(path, tmp_path / "a.csv").complete
-    with pytest.raises(LogError, match=r"robot\.mcap or controller\.mcap"):
+    with pytest.raises(LogError, match=r"a\.mcap.*robot\.mcap"):
         Log.open(rewritten(tmp_path / "a.mcap", ours, metadata=False))
 
 
 def test_the_logs_of_both_sides_in_one_file_are_refused(tmp_path: Path, ours: Path) -> None:
     other = write(tmp_path, inputs(describe(2)) + ticks(2, 30), side="controller").paths[0]
     path = rewritten(tmp_path / "both.mcap", ours, other)
-    with pytest.raises(LogError, match=r"controller of sample.*robot of sample.*merged"):
+    with pytest.raises(LogError, match=r"both\.mcap.*controller.*robot"):
         Log.open(path)
 
 
@@ -104,6 +104,6 @@ def test_a_damaged_chunk_of_another_writer_is_skipped(
     content[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 255
     path.write_bytes(content)
     log = Log.open(path)
-    assert f"byte {chunk.chunk_start_offset} are damaged" in log.missing
+    assert f"byte {chunk.chunk_start_offset}" in log.missing
     assert 250 < len(log.states()) < 300
     assert not log.truncated

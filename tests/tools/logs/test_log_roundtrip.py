@@ -186,7 +186,7 @@ def test_equal_records_have_equal_hashes_whatever_stands_around_them(tmp_path: P
 def test_no_file_is_ever_replaced(tmp_path: Path) -> None:
     write(tmp_path, inputs(describe(1)))
     before = (tmp_path / "robot.mcap").read_bytes()
-    with pytest.raises(UsageError, match=r"robot\.mcap: exists already"):
+    with pytest.raises(UsageError, match=r"robot\.mcap"):
         write(tmp_path, [])
     assert (tmp_path / "robot.mcap").read_bytes() == before
 
@@ -215,7 +215,7 @@ def test_close_twice_and_read_while_open(tmp_path: Path) -> None:
 def test_what_is_not_enclosed_is_named(tmp_path: Path) -> None:
     write(tmp_path, [], attachments={"notes.txt": b"x"})
     log = Log.open(tmp_path)
-    with pytest.raises(LogError, match=r"encloses no config\.yaml \(but notes\.txt\)"):
+    with pytest.raises(LogError, match=r"config\.yaml.*notes\.txt"):
         _ = log.config
     with pytest.raises(LogError, match=r"description\.json"):
         _ = log.description

@@ -102,7 +102,6 @@ def test_a_whole_log_is_left_alone(tmp_path: Path, sample: Sample) -> None:
     assert report.whole
     assert report.messages == len(stock_messages(path))
     assert report.as_json()["out"] == report.as_json()["path"] == str(path)
-    assert "is whole" in str(report)
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == sample.content
 
@@ -111,7 +110,7 @@ def test_a_repair_replaces_nothing(tmp_path: Path, sample: Sample) -> None:
     path = tmp_path / "robot.mcap"
     path.write_bytes(sample.content[:-50])
     (tmp_path / "robot.repaired.mcap").write_text("mine")
-    with pytest.raises(UsageError, match="exists already"):
+    with pytest.raises(UsageError, match=r"robot\.repaired\.mcap"):
         repair(path)
     assert (tmp_path / "robot.repaired.mcap").read_text() == "mine"
 
@@ -137,7 +136,7 @@ def test_an_input_in_the_middle_is_saved_in_its_place(tmp_path: Path) -> None:
 
 
 def test_a_folder_cannot_be_repaired(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="is a folder"):
+    with pytest.raises(LogError, match=str(tmp_path)):
         repair(tmp_path)
 
 
@@ -152,7 +151,6 @@ def test_a_folder_is_repaired_once(tmp_path: Path, sample: Sample) -> None:
     assert wrong == []
     assert again.already
     assert (again.out, again.messages) == (first.out, first.messages)
-    assert "already repaired" in str(again)
     assert first.out.read_bytes() == written
 
 

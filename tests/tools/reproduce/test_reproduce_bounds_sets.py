@@ -36,7 +36,7 @@ def test_another_braking_fails_in_figure_1(monkeypatch):
     monkeypatch.setattr(joint, "kept", lambda: strong)
     monkeypatch.setattr(joint, "CELLS", 60)
     missed = failed(results.viable_rows())
-    assert "Fig. 1: states where braking and (10) disagree" in missed
+    assert any("Fig. 1" in item for item in missed)
 
 
 def test_a_joint_that_turns_round_within_a_step_has_its_peak_there():

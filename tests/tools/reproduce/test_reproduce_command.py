@@ -106,7 +106,7 @@ def test_no_earlier_reproduction_is_replaced(shelve, tmp_path, monkeypatch):
     assert any(str(folder) in done.stdout for folder in folders)
     error = invoke("tiny_again", "--out", folders.pop()).exception
     assert isinstance(error, ConfigError)
-    assert "holds rows.json already" in str(error)
+    assert "rows.json" in str(error)
 
 
 def test_an_unknown_paper_is_answered_with_the_nearest(tmp_path):
@@ -122,5 +122,5 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path, shelv
     (tmp_path / "file").write_text("", encoding="utf-8")
     done = invoke("tiny_blocked", "--out", tmp_path / "file" / "out")
     assert isinstance(done.exception, ConfigError)
-    assert "Name another folder" in str(done.exception)
+    assert str(tmp_path / "file") in str(done.exception)
     assert "measuring" not in done.stderr

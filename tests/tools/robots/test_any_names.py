@@ -114,7 +114,7 @@ def test_a_link_with_a_reserved_name_is_renamed_or_refused(name, tmp_path):
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "a.urdf").write_text(text)
     (tmp_path / "own" / "robot.yaml").write_text("name: own\nurdf: a.urdf\n")
-    with pytest.raises(DescriptionError, match=f"'{name}'.*reserved"):
+    with pytest.raises(DescriptionError, match=rf"'{name}'"):
         hoap3.load_robot(tmp_path / "own")
 
 

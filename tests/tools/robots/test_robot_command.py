@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -45,7 +46,7 @@ def test_robot_yaml_says_what_was_guessed_and_why(here):
     text = (here / "mine" / "robot.yaml").read_text()
     head, _, rest = text.partition("\nname: mine\n")
     assert all(line.startswith("#") for line in head.splitlines())
-    assert "guessed: velocity 1 rad/s" in head
+    assert "velocity 1 rad/s" in head
     assert hashlib.sha256(GUESSED.encode()).hexdigest() in head
     content = yaml.safe_load(rest)
     slow = {"setpoint_acceleration_max": 5.0, "brake_acceleration": 5.0}
@@ -144,7 +145,7 @@ def test_a_check_says_what_the_robot_is(here, as_folder):
     assert found["default_task"]["point"] == "hand"
     shown = inside("robot", "check", path)
     assert shown.code == 0
-    assert "grip follows wrist" in shown.stdout
+    assert re.search("grip.*wrist", shown.stdout)
 
 
 def test_a_check_finds_meshes_that_are_missing_or_others(here):

@@ -139,9 +139,9 @@ def test_a_service_with_a_certificate_is_checked_and_finds_it_from_anywhere(
         assert f'link.secure=\\"{tmp_path}/certs/{who}\\"' in path.read_text()
     with pytest.raises(ConfigError, match="--as"):  # whom systemd makes cannot read the key
         install("emulator", "hoap3", [], secure="certs/hoap3", out=tmp_path)
-    with pytest.raises(ConfigError, match="is of role operator"):
+    with pytest.raises(ConfigError, match=r"operator.*anna"):
         install("controller", "qp12", [], secure="certs/anna", **given)
-    with pytest.raises(ConfigError, match="is of role controller"):
+    with pytest.raises(ConfigError, match=r"controller.*qp"):
         install("emulator", "hoap3", [], secure="certs/qp", **given)
     with pytest.raises(ConfigError, match=r"link\.secure"):
         install("emulator", "hoap3", ["link.secure=certs/hoap3"], **given)

@@ -22,10 +22,8 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_true_log_is_called_so_with_its_counts(story):
     content = read_content(story)
-    section = Page(page(content)).by_id("checked").text()
     assert content.as_json()["verified"]["verdict"] == "true"
-    assert "true" in section
-    assert "predicted V rate" in section
+    assert "true" in Page(page(content)).by_id("checked").text()
 
 
 def test_a_false_claim_stands_above_everything_else(story, tmp_path):

@@ -243,15 +243,15 @@ def test_the_default_task_is_that_of_the_product(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "reason"),
+    "entry",
     [
-        ({"task": "my.own:Task"}, "not known"),
-        ({"task": "com", "parameters": {"frame": "nowhere"}}, "cannot be read"),
-        ({"task": "com", "parameters": {"target": {"kind": "spline", "file": "a"}}}, "not in"),
-        ({"task": "posture", "parameters": {"joints": ["none"]}}, "cannot be read"),
-        ({"task": "com", "parameters": {"weights": [-1.0]}}, "cannot be read"),
+        {"task": "my.own:Task"},
+        {"task": "com", "parameters": {"frame": "nowhere"}},
+        {"task": "com", "parameters": {"target": {"kind": "spline", "file": "a"}}},
+        {"task": "posture", "parameters": {"joints": ["none"]}},
+        {"task": "com", "parameters": {"weights": [-1.0]}},
     ],
 )
-def test_what_cannot_be_recomputed_says_why(entry: dict, reason: str) -> None:
-    with pytest.raises(UnverifiableError, match=reason):
+def test_what_cannot_be_recomputed_is_refused(entry: dict) -> None:
+    with pytest.raises(UnverifiableError):
         task_of(entry, Robot(described("hoap3")))
