@@ -1,4 +1,4 @@
-"""Reads README.md and docs/*.md as far as the tests need it: blocks, spans, tables, links.
+"""Reads README.md and docs/*.md as far as the tests need it: blocks, spans, links.
 
 An HTML comment directly before a fenced block says what the tests do with it:
 
@@ -23,7 +23,6 @@ NAMES = [page.name for page in PAGES]
 _COMMENT = re.compile(r"<!-- (?P<word>[a-z ]+?)(?:: (?P<rest>.*))? -->")
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 _SPAN = re.compile(r"`([^`\n]+)`")
-_CELLS = re.compile(r"(?<!\\)\|")
 
 
 @dataclass(frozen=True)
@@ -84,15 +83,3 @@ def anchors(name: str) -> set[str]:
     """What a link to a heading of a page may say, as GitHub makes it."""
     headings = re.findall(r"^#+ (.+)$", prose(name), flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in headings}
-
-
-def table(name: str, heading: str) -> list[dict[str, str]]:
-    """Rows of the first table below a heading, by the names of its columns."""
-    _, _, rest = prose(name).partition(f"# {heading}\n")
-    lines = rest[rest.index("\n|") + 1 :].splitlines()
-    rows = []
-    for line in lines:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip() for cell in _CELLS.split(line)[1:-1]])
-    return [dict(zip(rows[0], row, strict=True)) for row in rows[2:]]
