@@ -469,7 +469,7 @@ def test_numbers_of_all_units_are_taken():
     [
         ("<?xml version='1.0'?><!-- a licence --><mujoco model='arm'/>", "plant.parameters.mjcf"),
         ("\ufeff<mujoco/>", "plant.parameters.mjcf"),
-        ("<sdf version='1.7'/>", "Convert"),
+        ("<sdf version='1.7'/>", "SDF"),
         ("<robot name='arm'/>", "*.urdf"),
         ("version https://git-lfs.github.com/spec/v1\noid sha256:abc\nsize 12\n", "git lfs pull"),
     ],

@@ -86,7 +86,7 @@ def test_two_that_become_visible_to_each_other_both_report_it(conflict):
     places = [one._name._own.endpoint for one in (first, second)]
     eventually(lambda: len(reports) >= 2, "both reports")
     for text in reports[:2]:
-        assert "2 robots on this network are called 'arm'" in text
+        assert "'arm'" in text
         assert all(place in text for place in places)
     second.close()
     eventually(lambda: first.name_conflicts == 0, "the end of the conflict")

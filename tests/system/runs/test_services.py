@@ -106,7 +106,7 @@ def test_a_second_robot_of_the_name_is_refused(robot, at):
     ports = hoap3("emulator", "hoap3", *QUIET, "--set", f"link.listen=[{at}]")
     linked = ("--set", f"link.listen=[{endpoint()}]", "--set", f"link.connect=[{at}]")
     names = hoap3("emulator", "hoap3", *QUIET, *linked)
-    for refused, words in ((ports, f"{at} is in use"), (names, "'hoap3' is alive already")):
+    for refused, words in ((ports, at), (names, "'hoap3'")):
         assert refused.end() == 2
         assert_no_traceback(refused)
         (error,) = [line for line in refused.stderr.splitlines() if line.startswith("error:")]

@@ -147,12 +147,6 @@ def test_no_earlier_comparison_is_replaced(tmp_path, monkeypatch):
     assert (newest / "compare.json").read_bytes() == before
 
 
-def test_people_see_a_table_on_standard_output(tmp_path):
-    done = invoke("qp12", "pinv", "--duration", "0.1", "--out", tmp_path)
-    for words in ("pinv: ", "compare.html"):
-        assert words in done.stdout
-
-
 def refused(error, *words):
     done = invoke(*words)
     assert isinstance(done.exception, error), done.stderr

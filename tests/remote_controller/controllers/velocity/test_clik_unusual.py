@@ -108,19 +108,18 @@ def test_more_than_one_over_the_period_is_met_by_that():
 
 @BOTH
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "key"),
     [
-        ({"tasks": []}, ("parameters.tasks", "needs a list of one task or more, has 0")),
-        ({"bounds": {"speed_rad_s": 0.0}}, ("bounds.speed_rad_s", "greater than 0")),
-        ({"bounds": {"margin_rad": 7.0}}, ("bounds.margin_rad", "leaves nothing of the range")),
-        ({"damping": -1.0}, ("parameters.damping", "greater than or equal to 0")),
+        ({"tasks": []}, "tasks"),
+        ({"bounds": {"speed_rad_s": 0.0}}, "bounds.speed_rad_s"),
+        ({"bounds": {"margin_rad": 7.0}}, "bounds.margin_rad"),
+        ({"damping": -1.0}, "damping"),
     ],
 )
-def test_settings_that_make_no_sense_are_named(kind, change, words):
+def test_settings_that_make_no_sense_are_named(kind, change, key):
     with pytest.raises(ConfigError) as caught:
         simulate("ur5", linear(kind, ALONE, **change), 0.01)
-    for word in words:
-        assert word in str(caught.value)
+    assert caught.value.key == f"parameters.{key}"
 
 
 @pytest.mark.parametrize(

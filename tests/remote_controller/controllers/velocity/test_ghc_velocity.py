@@ -327,34 +327,33 @@ def test_the_shipped_motion_is_what_its_comments_say():
 
 
 BAD = [
-    ({"tasks": []}, "parameters.tasks", "a list of one task or more"),
-    ({"tasks": [COM, COM]}, "parameters.tasks.1.name", "two tasks have this name"),
-    ({"tasks": [{**COM, "task": "comm"}]}, "parameters.tasks.0.task", "comm"),
-    ({"tasks": [{**COM, "gain_per_s": 0.0}]}, "parameters.tasks.0.gain_per_s", "greater than 0"),
-    ({"tasks": [{**COM, "name": "The CoM"}]}, "parameters.tasks.0.name", "The CoM"),
-    ({"tasks": [{**FOOT, "parameters": {}}]}, "parameters.tasks.0.parameters.frame", "missing"),
-    ({"priorities": {"order": ["com"]}}, "parameters.priorities.order", "leaves out foot"),
-    ({"priorities": {"matrix": [[0.0]]}}, "parameters.priorities.matrix", "for 2 tasks"),
+    ({"tasks": []}, "tasks", ""),
+    ({"tasks": [COM, COM]}, "tasks.1.name", "com"),
+    ({"tasks": [{**COM, "task": "comm"}]}, "tasks.0.task", "'com'"),
+    ({"tasks": [{**COM, "gain_per_s": 0.0}]}, "tasks.0.gain_per_s", "0.0"),
+    ({"tasks": [{**COM, "name": "The CoM"}]}, "tasks.0.name", "The CoM"),
+    ({"tasks": [{**FOOT, "parameters": {}}]}, "tasks.0.parameters.frame", ""),
+    ({"priorities": {"order": ["com"]}}, "priorities.order", "foot"),
+    ({"priorities": {"matrix": [[0.0]]}}, "priorities.matrix", "2"),
     (
         {"priorities": {"timeline": [{"at_s": 1.0, "remove": "posture"}]}},
-        "parameters.priorities.timeline.0.remove",
-        "no task is called so",
+        "priorities.timeline.0.remove",
+        "posture",
     ),
-    ({"regularisation": 1e-9}, "parameters.regularisation", "0.000001"),
-    ({"smoothing": -1.0}, "parameters.smoothing", "greater than or equal to 0"),
-    ({"bounds": {"speed_rad_s": 0.0}}, "parameters.bounds.speed_rad_s", "greater than 0"),
+    ({"regularisation": 1e-9}, "regularisation", "1e-09"),
+    ({"smoothing": -1.0}, "smoothing", "-1.0"),
+    ({"bounds": {"speed_rad_s": 0.0}}, "bounds.speed_rad_s", "0.0"),
 ]
 
 
-@pytest.mark.parametrize(("changes", "key", "word"), BAD)
-def test_what_is_wrong_for_any_robot_is_refused_without_one(changes, key, word):
+@pytest.mark.parametrize(("changes", "key", "value"), BAD)
+def test_what_is_wrong_for_any_robot_is_refused_without_one(changes, key, value):
     content = settings(COM, FOOT)
     content["parameters"].update(changes)
     with pytest.raises((ConfigError, UnknownNameError)) as caught:
         check_parameters(parse(ControllerConfig, content, "mine.yaml"), "mine.yaml")
-    assert key in str(caught.value)
-    assert word in str(caught.value)
-    assert "mine.yaml" in str(caught.value)
+    for part in (f"parameters.{key}", value, "mine.yaml"):
+        assert part in str(caught.value)
 
 
 @pytest.mark.parametrize(

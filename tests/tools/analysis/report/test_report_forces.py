@@ -19,14 +19,10 @@ STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
 
 
 @pytest.mark.parametrize(
-    ("command", "unit", "told"),
-    [
-        (Setpoint.ACCELERATION, "rad/s²", "told to accelerate"),
-        (Setpoint.TORQUE, "N m", "given torques"),
-    ],
+    ("command", "unit"), [(Setpoint.ACCELERATION, "rad/s²"), (Setpoint.TORQUE, "N m")]
 )
 def test_inputs_have_their_unit_and_joints_that_move_are_those_that_were_seen_to(
-    tmp_path, command, unit, told
+    tmp_path, command, unit
 ):
     path = active_log(tmp_path, setpoint={"command": command, "solver_status": STATUS_NONE})
     motion = read_motion(Sources.open(path))
@@ -34,7 +30,7 @@ def test_inputs_have_their_unit_and_joints_that_move_are_those_that_were_seen_to
     assert motion.unit == unit
     assert np.array_equal(motion.active, (np.abs(states["dq"]) >= 1e-3).sum(axis=1))
     (drawing,) = [each for each in motion_drawings(motion) if each.name == "u"]
-    assert drawing.title == f"2 of 2 joints are {told}"
+    assert "2 of 2" in drawing.title
     assert drawing.figures.endswith(unit)
 
 
