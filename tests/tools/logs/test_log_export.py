@@ -141,10 +141,11 @@ def test_without_a_description_joints_have_numbers(tmp_path: Path) -> None:
 def test_the_ending_chooses_the_format_and_the_side_the_log(tmp_path: Path) -> None:
     for side, count in (("robot", 4), ("controller", 3)):
         write(tmp_path, inputs(describe(1)) + ticks(1, count), side=side)
-    assert "4 rows" in str(export(tmp_path, tmp_path / "a.csv"))
-    assert "3 rows" in str(export(tmp_path, tmp_path / "a.csv", "controller"))
-    assert "3 rows" in str(export(tmp_path / "controller.mcap", tmp_path / "a.csv"))
-    assert "arrays" in str(export(tmp_path, tmp_path / "a.npz"))
+    assert export(tmp_path, tmp_path / "a.csv").count == 4
+    assert export(tmp_path, tmp_path / "a.csv", "controller").count == 3
+    assert export(tmp_path / "controller.mcap", tmp_path / "a.csv").count == 3
+    export(tmp_path, tmp_path / "a.npz")
+    assert (tmp_path / "a.npz").exists()
     with pytest.raises(UsageError, match=r"\.csv, \.parquet or \.npz"):
         export(tmp_path, tmp_path / "a.xls")
     with pytest.raises(LogError, match=r"no\.mcap"):

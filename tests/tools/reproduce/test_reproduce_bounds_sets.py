@@ -94,11 +94,3 @@ def test_outlines_enclose_the_regions(found):
 def test_what_violates_11_has_no_bounds():
     with pytest.raises(BadProblemError, match=r"\(11\)"):
         joint.FIG_4.bounds(1, 20.0)
-
-
-def test_every_axis_says_its_unit(found):
-    drawn = [figures.draw_viable(), figures.draw_regions(found)]
-    assert [figure.name for figure in drawn] == ["fig1", "fig3"]
-    for panel in (panel for figure in drawn for panel in figure.panels):
-        assert "[" in panel.y.label
-        assert "[" in panel.x.label

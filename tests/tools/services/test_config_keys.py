@@ -29,7 +29,7 @@ def test_every_key_of_a_model_is_told_with_its_meaning(kind, name):
     told = config_keys(kind, name)
     fields = model_of(kind, name).model_fields
     assert list(dict.fromkeys(re.split(r"[.(]", each.key)[0] for each in told)) == list(fields)
-    assert all(len(each.meaning) > 5 and each.type for each in told)
+    assert all(each.meaning and each.type for each in told)
     assert len({each.key for each in told}) == len(told)
 
 
