@@ -297,9 +297,10 @@ def test_a_file_of_just_a_mebibyte_is_read(tmp_path):
     assert load_yaml(written(tmp_path, content)) == {"a": 1}
 
 
-def test_a_device_or_a_fifo_is_not_opened(tmp_path):
+def test_what_is_no_file_is_not_opened(tmp_path):
     os.mkfifo(tmp_path / "fifo.yaml")
-    for path, kind in ((Path("/dev/zero"), "device"), (tmp_path / "fifo.yaml", "FIFO")):
+    places = (Path("/dev/zero"), "device"), (tmp_path / "fifo.yaml", "FIFO"), (tmp_path, "folder")
+    for path, kind in (*places, (tmp_path / "none.yaml", "")):
         with pytest.raises(ConfigError, match=rf"{path}.*{kind}"):
             load_yaml(path)
 
@@ -332,13 +333,6 @@ def test_without_libyaml_it_is_the_same(monkeypatch, text):
     expected = outcome()
     monkeypatch.setattr(yaml_text, "_PARSER", yaml.SafeLoader)
     assert outcome() == expected
-
-
-def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
-    with pytest.raises(ConfigError, match=r"none\.yaml"):
-        load_yaml(tmp_path / "none.yaml")
-    with pytest.raises(ConfigError, match="folder"):
-        load_yaml(tmp_path)
 
 
 def test_overrides_are_yaml_and_make_the_mappings_that_they_need():

@@ -25,13 +25,10 @@ QP12 = "controller: qp12\n"
 WRONG_CONTROLLER = {
     "unknown key": ("controller: qp12\ngama: 1\n", ("gama",)),
     "unknown parameter": (f"{QP12}parameters: {{gama: 0.5}}\n", ("parameters.gama", "'gamma'")),
-    "wrong type": (f"{QP12}log: {{cap_mb: much}}\n", ("log.cap_mb", "'much'")),
     "out of range": (f"{QP12}parameters: {{gamma: 1.2}}\n", ("parameters.gamma", "1.2")),
     "nothing": ("", ("`controller: qp12`",)),
     "no controller": ("robot: hoap3\n", ("controller",)),
-    "no mapping": ("- qp12\n", ("`key: value`",)),
     "no YAML": ("controller: [qp12\n", ("line 2",)),
-    "not text": ("controller: \x00\n", ("YAML",)),
     "unknown controller": ("controller: qp21\n", ("qp21", "'qp12'")),
     "bad name": ("controller: qp12\nrobot: HOAP 3\n", ("robot", "'HOAP 3'")),
     "no such robot": ("controller: qp12\nrobot: ./nowhere\n", ("robot", "nowhere")),

@@ -335,20 +335,15 @@ def test_stamps_that_contradict_each_other_leave_the_round_trip_unaccounted(tmp_
     assert ticks.stage("unaccounted")[51] == 0
 
 
-def test_a_log_recorded_from_outside_is_refused(tmp_path):
-    robot, _ = Story(10).records()
+def test_a_log_without_states_or_recorded_from_outside_is_refused(tmp_path):
     about = {"attachments": {"description.json": describe(1).to_json()}}
     outside = {"metadata": {"run": {"recorded": "from outside"}}}
-    write(tmp_path / "robot.mcap", robot, **about, **outside)
-    with pytest.raises(LogError, match="mcap"):
-        TickTable.from_run(tmp_path)
-
-
-def test_a_log_without_states_is_refused(tmp_path):
-    about = {"attachments": {"description.json": describe(1).to_json()}}
-    write(tmp_path / "robot.mcap", [], **about)
-    with pytest.raises(LogError, match="mcap"):
-        TickTable.from_run(tmp_path)
+    cases = {"none": ([], {}), "outside": (Story(10).records()[0], outside)}
+    for name, (records, more) in cases.items():
+        (tmp_path / name).mkdir()
+        write(tmp_path / name / "robot.mcap", records, **about, **more)
+        with pytest.raises(LogError, match=name):
+            TickTable.from_run(tmp_path / name)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])

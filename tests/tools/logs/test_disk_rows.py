@@ -88,29 +88,19 @@ def test_some_rows_are_those_that_numpy_would_copy(array: np.ndarray[Any, Any], 
         rows[len(copied)]
 
 
-@pytest.fixture
-def no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(**_: object) -> Any:
-        return Path("/dev/full").open("r+b")
-
-    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+def full(**_: object) -> Any:
+    return Path("/dev/full").open("r+b")
 
 
 def refuse(**_: object) -> None:
     raise OSError(2, "No such file or directory")
 
 
-@pytest.mark.usefixtures("no_room")
-def test_a_full_temporary_folder_is_named_with_what_to_do(tmp_path: Path) -> None:
+@pytest.mark.parametrize("given", [full, refuse])
+def test_a_temporary_folder_that_takes_nothing_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: Any
+) -> None:
     write(tmp_path / "robot.mcap", [*inputs(describe(3)), *ticks(3, 50)])
-
-    with pytest.raises(LogError, match="TMPDIR"):
-        Log.open(tmp_path).states()
-
-
-def test_so_is_one_that_takes_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write(tmp_path / "robot.mcap", [*inputs(describe(3)), *ticks(3, 50)])
-    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
-
+    monkeypatch.setattr(tempfile, "TemporaryFile", given)
     with pytest.raises(LogError, match="TMPDIR"):
         Log.open(tmp_path).states()

@@ -135,15 +135,11 @@ def test_changes_of_one_weight_do_not_overlap(later, refused):
         made("weighted", priorities=timeline)
 
 
-def test_two_changes_of_one_weight_at_one_time_are_one():
+def test_two_changes_of_one_weight_at_one_time_or_a_change_of_none_are_refused():
     both = [{"at_s": 1.0, "weights": {"hand": value}} for value in (0.0, 1.0)]
-    with pytest.raises(ConfigError, match=r"timeline\.\d\.at_s"):
-        made("weighted", priorities={"timeline": both})
-
-
-def test_a_change_of_no_weight_is_none():
-    with pytest.raises(ConfigError, match=r"timeline\.0\.weights"):
-        made("weighted", priorities={"timeline": [{"at_s": 1.0, "weights": {}}]})
+    for timeline, key in ((both, "at_s"), ([{"at_s": 1.0, "weights": {}}], "weights")):
+        with pytest.raises(ConfigError, match=rf"timeline\.\d\.{key}"):
+            made("weighted", priorities={"timeline": timeline})
     with pytest.raises(ConfigError, match="weights"):
         made("weighted").change({"weights": {}})
 

@@ -95,10 +95,19 @@ def xacro_file(at: Path, name: str = "arm.urdf.xacro", text: str = XACRO) -> Pat
     return path
 
 
-@pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "unexpanded.urdf"])
-def test_a_xacro_file_without_its_library_is_told_how_to_install_it(tmp_path, no_library, name):
-    with pytest.raises(NotInstalledError, match=r"pip install 'hoap3\[xacro\]'"):
-        load(xacro_file(tmp_path, name))
+@pytest.mark.parametrize(
+    ("name", "extra"),
+    [
+        ("arm.urdf.xacro", "xacro"),
+        ("arm.xacro", "xacro"),
+        ("unexpanded.urdf", "xacro"),
+        ("robot_descriptions:panda_description", "descriptions"),
+    ],
+)
+def test_without_its_library_the_extra_is_named(tmp_path, no_library, name, extra):
+    robot = name if ":" in name else xacro_file(tmp_path, name)
+    with pytest.raises(NotInstalledError, match=rf"pip install 'hoap3\[{extra}\]'"):
+        load(robot)
 
 
 @pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "unexpanded.urdf"])
@@ -119,11 +128,6 @@ def test_a_macro_that_fails_is_told_in_one_line(tmp_path, library):
 def test_a_prefix_that_is_not_declared_is_called_xacros(tmp_path):
     with pytest.raises(DescriptionError, match="xmlns:xacro"):
         import_robot(xacro_file(tmp_path, "arm.urdf", XACRO.replace(XMLNS, "")))
-
-
-def test_robot_descriptions_without_its_library_is_told_how_to_install_it(no_library):
-    with pytest.raises(NotInstalledError, match=r"pip install 'hoap3\[descriptions\]'"):
-        load("robot_descriptions:panda_description")
 
 
 def test_a_robot_of_robot_descriptions_is_read(tmp_path, library):

@@ -150,20 +150,14 @@ def test_a_log_recorded_from_outside_has_no_deadlines(tmp_path):
     assert "u" in motion(content)
 
 
-@pytest.mark.parametrize("content", [b"", b"not a log", b"\x89MCAP0\r\n" * 9])
+@pytest.mark.parametrize("content", [None, b"", b"not a log", b"\x89MCAP0\r\n" * 9])
 def test_what_is_no_log_of_ours_is_one_error(content, tmp_path):
-    (tmp_path / "robot.mcap").write_bytes(content)
+    if content is not None:
+        (tmp_path / "robot.mcap").write_bytes(content)
     for path in (tmp_path, tmp_path / "robot.mcap"):
-        with pytest.raises(LogError, match=r"robot\.mcap") as caught:
+        with pytest.raises(LogError, match=r"\w\.mcap") as caught:
             read_content(path)
         assert "\n" not in str(caught.value)
-
-
-def test_a_folder_without_logs_and_a_path_to_nowhere_are_errors(tmp_path):
-    with pytest.raises(LogError, match="mcap"):
-        read_content(tmp_path)
-    with pytest.raises(LogError, match="nowhere"):
-        read_content(tmp_path / "nowhere")
 
 
 def test_a_page_that_cannot_be_written_is_an_error_that_names_it(story, tmp_path):
