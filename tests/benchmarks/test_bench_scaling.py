@@ -75,15 +75,6 @@ def test_a_solver_that_is_too_slow_is_left_out_from_there_on(monkeypatch):
     assert found["rows"] == []
 
 
-def test_a_picture_says_solvers_slopes_units_and_machine(tmp_path):
-    rows = law("qp12", 0.9) + law("pinv", 1.0)[:3]
-    path = tmp_path / "scaling.svg"
-    draw_scaling({"rows": rows, "slopes": slopes(rows), "machine": MACHINE}, path)
-    text = path.read_text(encoding="utf-8")
-    for words in ("qp12, slope 0.90", "pinv", "joints n", "[µs]", "Abacus", "1000"):
-        assert f"{words}" in text, words
-
-
 @pytest.mark.parametrize("name", ["scaling.txt", "no/where.png"])
 def test_a_picture_that_cannot_be_is_refused_before_anything_is_measured(
     tmp_path, monkeypatch, run_command, name

@@ -58,20 +58,20 @@ def test_without_rights_every_measure_is_reported_and_none_is_raised(locks):
     user = NOBODY if AS_ROOT else None
     report = prepared(locks, user=user, policy="auto", cpu=4000, lock_memory=True)
     measures = report["measures"]
-    assert measures["CPU"] == [False, "CPU: refused, pinning to 4000: Invalid argument"]
+    assert not measures["CPU"][0]
+    assert "4000" in measures["CPU"][1]
     assert measures["timer slack"] == [True, "timer slack: 1 ns"]
     assert measures["garbage collector"][0]
     assert not report["collector"]
     assert report["switch_interval"] == pytest.approx(1e-4)
     if user:  # else it depends on the limits of whoever runs the tests
         assert not measures["memory lock"][0]
-        assert measures["memory lock"][1].startswith("memory lock: refused, ")
         assert "LimitMEMLOCK" in measures["memory lock"][1]
         assert report["policy"] == os.SCHED_OTHER
         unpinned = prepared(locks, user=user, policy="auto", cpu="none")
         policy = unpinned["measures"]["scheduling policy"]
         assert not policy[0]
-        assert "raise LimitRTPRIO" in policy[1]
+        assert "LimitRTPRIO" in policy[1]
         assert unpinned["policy"] == os.SCHED_OTHER
 
 
@@ -270,7 +270,7 @@ def test_a_limit_that_cannot_be_raised_is_a_refusal(monkeypatch):
     monkeypatch.setattr(realtime.resource, "setrlimit", refuse)
     measure = realtime._schedule(RealtimeSettings())
     assert not measure.obtained
-    assert measure.detail.startswith("not allowed to raise maximum limit; raise LimitRTPRIO")
+    assert "LimitRTPRIO" in measure.detail
 
 
 def test_a_virtual_machine_is_known_by_what_its_processor_says(monkeypatch, tmp_path):

