@@ -170,7 +170,8 @@ def test_malformed_answers_end_no_controller(count, robots, monkeypatch):
         controller.wait_for_setpoint(robot)
         assert controller.service.sessions == 1
         assert controller.service.unusable == sent.total() == count
-    assert controller.said[-1].startswith(f"{count} ")
+    assert len([line for line in controller.said if "asking again" in line]) == 1
+    assert controller.said[-1] == f"{count} answers of robot 'hoap3' were unusable"
 
 
 @pytest.mark.parametrize("verb", COMMANDS)
@@ -210,7 +211,7 @@ def test_an_answer_over_the_local_socket_is_checked_too(verb, monkeypatch):
     monkeypatch.setattr(LocalRobot, "ask", lambda *_: {"mode": 3, "released": "yes"})
     done = inside(verb)
     assert (done.code, len(done.stderr.splitlines())) == (1, 1)
-    assert f"'{verb}'" in done.stderr
+    assert f"robot 'hoap3' answers '{verb}' with nonsense" in done.stderr
 
 
 def test_names_from_the_network_are_escaped(robots):
@@ -260,6 +261,7 @@ def test_a_silent_robot_is_followed_again_in_a_new_session(robots, monkeypatch):
         assert controller.link.who.startswith(f"{first.who}-")
         assert first._session.is_closed()
         assert not first._answers._thread.is_alive()
+    assert "robot 'hoap3' is silent" in controller.said
 
 
 def test_a_robot_that_answers_no_request_is_asked_in_a_new_session(robots, monkeypatch):

@@ -86,6 +86,9 @@ def test_a_controller_that_proves_nothing_has_no_count():
 def test_a_status_that_nobody_defined_is_unknown():
     found = figures(answer(CERTIFIED), answer(77))
     assert (found["n"], found["unknown"], found["without"]) == (2, 1, 1)
+    assert in_a_line(found) == (
+        "1 of 2 answers certified; 1 unknown: invalid certificate: solver_status"
+    )
 
 
 def test_of_one_session_nothing_of_another_counts():
@@ -102,15 +105,30 @@ def test_what_no_controller_has_recorded_is_left_out():
 
 
 @pytest.mark.parametrize(
-    ("present", "told"),
-    [({0, 1}, {1}), ({0}, {0}), (set(), set()), ({1, 2}, {1, 2})],  # a limit beside no real one
+    ("present", "words"),
+    [
+        (
+            {0, 1},
+            ": infeasible_constraints",
+        ),  # that a limit slows it is no reason beside a real one
+        ({0}, ": slowed"),
+        (set(), ""),
+        ({1, 2}, ": cannot_descend, infeasible_constraints"),
+    ],
 )
-def test_reasons_of_one_line(present, told):
+def test_people_read_one_line(present, words):
     records = [session(), *(condition(place, True) for place in sorted(present))]
     found = figures(*records, answer(CERTIFIED), answer(INFEASIBLE), answer(INFEASIBLE))
-    line = in_a_line(found)
-    assert "1 of 3" in line
-    assert {place for place in range(3) if NAMES[place] in line} == told
+    assert in_a_line(found) == f"1 of 3 answers certified; 2 infeasible{words}"
+
+
+def test_a_limit_is_a_reason_where_others_are_too_few():
+    records = [session(), condition(0, True), answer(UNCERTIFIED), answer(UNCERTIFIED)]
+    records += [condition(2, True), answer(UNCERTIFIED)]
+    assert (
+        in_a_line(figures(*records))
+        == "0 of 3 answers certified; 3 uncertified: slowed, cannot_descend"
+    )
 
 
 def test_of_proofs_that_are_worth_little_there_is_a_word_even_where_all_is_proved():
@@ -119,7 +137,10 @@ def test_of_proofs_that_are_worth_little_there_is_a_word_even_where_all_is_prove
     found = figures(*records)
     assert found["reasons"] == {"certified": {NAMES[3]: 2}, "at_target": {NAMES[3]: 1}}
     assert found["without"] == 0
-    assert NAMES[3] in in_a_line(found)
+    assert in_a_line(found) == f"4 of 4 answers certified, 3 with {NAMES[3]}"
+    found = figures(*records, condition(2, True), answer(UNCERTIFIED))
+    line = f"4 of 5 answers certified, 3 with {NAMES[3]}; 1 uncertified: slowed, cannot_descend"
+    assert in_a_line(found) == line.replace("slowed, ", "")
 
 
 def test_where_all_is_proved_there_is_nothing_to_say():

@@ -10,6 +10,7 @@ import pytest
 from hoap3.tools.analysis.deadline_verdict import judge_counts, unknown_deadlines
 from hoap3.tools.analysis.verdicts import (
     CERTIFIED_SHARE,
+    deadline_words,
     failed,
     in_words,
     judge,
@@ -41,6 +42,12 @@ def told(**changes: Any) -> dict[str, Any]:
 def verdict(name: str, outcome: dict[str, Any] | None, held_back: int = 0, weak: int = 0):
     judged = judge(IN_TIME, counts(held_back, weak), outcome)
     return judged["verdicts"][name], judged[name]["reasons"]
+
+
+def test_a_margin_is_told_with_its_unit_and_what_it_is_of():
+    margin = {"least": 0.25, "tolerance": 1e-6, "of": "ball: hand", "unit": "m"}
+    words = in_words(judge(IN_TIME, NOTHING_HELD, told(margin=margin)))["limits_and_balance"]
+    assert "0.25 m (ball: hand)" in words
 
 
 def test_all_good():
@@ -109,6 +116,16 @@ def test_one_that_fails_is_enough(verdicts, code):
     assert failed(dict(zip(names, verdicts, strict=True))) == code
 
 
+def test_words_have_the_figures_that_people_need():
+    outside = {"checked": 100, "outside": 7, "least_m": -0.0121}
+    outcome = told(tasks=[FAR, LOWER], certified=12, balance=outside)
+    words = in_words(judge(IN_TIME, counts(4, 0), outcome))
+    for part in ("com 15.4 m", "tolerance 1 mm", "12 of 1000", "hand", "lower priority"):
+        assert part in words["task"]
+    for part in ("4 periods", "12.1 mm outside", "7 of 100"):
+        assert part in words["limits_and_balance"]
+
+
 @pytest.mark.parametrize(
     ("held_back", "outcome", "silent", "verdict"),
     [
@@ -124,12 +141,17 @@ def test_limits_name_the_side_that_told_nothing(held_back, outcome, silent, verd
     limits = judged["limits_and_balance"]["reasons"]
     assert {side for side in ("robot", "controller") if f"not_told_by_{side}" in limits} == silent
     assert judged["verdicts"]["limits_and_balance"] == verdict
+    words = in_words(judged)["limits_and_balance"]
+    assert {side for side in ("robot", "controller") if f"from the {side}" in words} == silent
 
 
 def test_the_joints_that_were_held_back_are_named():
     joints = {"first": "knee", "first_tick": 12, "most": "hip", "most_periods": 3}
     judged = judge(IN_TIME, {**counts(4, 0), "held_back_joints": joints}, told())
     assert judged["limits_and_balance"]["held_back_joints"] == joints
+    words = in_words(judged)["limits_and_balance"]
+    for part in ("knee", "12", "hip", "3 periods"):
+        assert part in words
     assert judge(IN_TIME, counts(4, 0), told())["limits_and_balance"]["held_back_joints"] is None
 
 
@@ -142,7 +164,9 @@ def test_only_what_was_clipped_after_the_start_fails(at_start, expected):
     told_by_robot = {"startup_interventions": at_start, "held_back_limit": limit}
     judged = judge(IN_TIME, {**counts(4, 0), **told_by_robot}, told())
     assert judged["verdicts"]["limits_and_balance"] == expected
-    assert "setpoint_jerk_max" in in_words(judged)["limits_and_balance"]
+    words = in_words(judged)["limits_and_balance"]
+    for part in ("4 periods", "jerk limit of 2000 rad/s³", "setpoint_jerk_max"):
+        assert part in words
 
 
 def test_a_safe_stop_without_any_answer_fails():
@@ -194,3 +218,13 @@ def test_a_safe_stop_without_a_miss_gets_no_invented_cause():
     reported = {"asked": 100, "in_time": 100, "worst_window": 1.0, "safe_stops": 1}
     found = judge_counts(reported)
     assert (found["verdict"], found["cause"], found["remedy"]) == ("fail", None, None)
+
+
+def test_words_say_what_is_not_usual():
+    assert deadline_words({"deadline": "next_tick", "delay_ticks": 0}) is None
+    assert deadline_words({"deadline": "after_receipt", "delay_ticks": 0}) == (
+        "a period after the publication of its State"
+    )
+    assert deadline_words({"deadline": "next_tick", "delay_ticks": 3}) == (
+        "4 periods after the begin of its tick; applied 3 ticks later"
+    )

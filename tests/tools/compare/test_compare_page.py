@@ -66,7 +66,7 @@ def test_the_table_has_a_column_for_each_controller(made, shown):
 
 
 def test_findings_stand_at_the_head(made, shown):
-    assert "pinv: 118 of 200" in shown.root.all("div", "gaps")[0].text()
+    assert "pinv: 118 of 200 answers are uncertified" in shown.root.all("div", "gaps")[0].text()
     quiet = Page(page(dataclasses.replace(made, findings=[])))
     assert not quiet.root.all("div", "gaps")
 
@@ -85,7 +85,7 @@ def test_bars_say_where_a_certificate_is_missing(made):
     assert [key.text for key in failed.keys][3:] == ["uncertified", "infeasible"]
     assert "var(--red)" in failed.svg
     assert "var(--red)" not in certificates(plain).svg
-    assert failed.title.startswith("128 ")
+    assert failed.title.startswith("128 answers lack")
 
 
 def test_labels_and_settings_stay_texts(made):
@@ -136,4 +136,4 @@ def test_without_answers_there_is_nothing_to_draw(made):
 
     empty = dataclasses.replace(made, series=[first_none(each) for each in made.series])
     assert drawings(empty) == []
-    assert Page(page(empty)).by_id("plots").text()
+    assert "nothing to draw" in Page(page(empty)).by_id("plots").text()

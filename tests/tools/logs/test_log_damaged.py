@@ -71,7 +71,7 @@ def test_one_wrong_byte_costs_its_chunk_and_no_other(
     path = changed(tmp_path_factory.mktemp("wrong") / "robot.mcap", sample.content, at, wrong=wrong)
     log = Log.open(path)
     assert not log.truncated
-    assert f"byte {start} " in log.missing
+    assert f"bytes at byte {start} are damaged" in log.missing
     assert without_gaps(log) == sample.without(chunk)
     assert gaps(log) == 1
     report = repair(path)
@@ -91,7 +91,7 @@ def test_a_wrong_byte_in_the_index_of_a_chunk_costs_no_record(
     for at in range(9):  # opcode and length of a record between two chunks
         place = chunk.chunk_start_offset + chunk.chunk_length + at
         log = Log.open(changed(tmp_path / "robot.mcap", sample.content, place))
-        assert log.missing
+        assert "outside its chunks is damaged" in log.missing
         assert list(log.records()) == sample.records
 
 
@@ -190,7 +190,7 @@ try:
     log = Log.open(Path(sys.argv[1]))
     print(len(log.table(Kind.STATE)[1]), log.missing)
 except LogError as error:
-    print("refused:", error)
+    print(error)
 """
 
 
@@ -216,7 +216,7 @@ def test_chunks_that_unpack_to_far_more_than_a_log_are_refused(tmp_path: Path, s
     raw = message(bytes((1 << 24) - 100))
     path = forged(tmp_path / "a.mcap", small, raw, 640)  # 10 GiB
     assert path.stat().st_size < 1 << 20
-    assert bounded(path).startswith(f"refused: {path}: ")
+    assert "unpack to more bytes than a log of" in bounded(path)
     with pytest.raises(LogError, match=re.escape(str(path))):
         repair(path)
 
@@ -224,14 +224,14 @@ def test_chunks_that_unpack_to_far_more_than_a_log_are_refused(tmp_path: Path, s
 def test_a_chunk_that_is_too_large_is_skipped(tmp_path: Path, small: Path) -> None:
     raw = message(bytes(MAX_CHUNK + 1))
     log = Log.open(forged(tmp_path / "a.mcap", small, raw, 40))
-    assert log.missing
+    assert "no record is left" in log.missing
     assert list(log.records())[-1].kind == Kind.GAP
 
 
 def test_more_messages_than_a_log_can_hold_are_refused(tmp_path: Path, small: Path) -> None:
     path = forged(tmp_path / "a.mcap", small, message(b"") * 30_000, 40)
     assert path.stat().st_size < 1 << 20
-    assert bounded(path).startswith(f"refused: {path}: ")
+    assert "unpack to more messages than a log of" in bounded(path)
 
 
 def test_a_length_that_claims_all_memory_takes_none(tmp_path: Path, sample: Sample) -> None:
@@ -303,7 +303,7 @@ def test_no_byte_is_read_again_for_each_entry_of_the_index(
 def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "robot.mcap")
     for path in (tmp_path / "robot.mcap", tmp_path):
-        with pytest.raises(LogError, match="FIFO"):
+        with pytest.raises(LogError, match="is a FIFO, not a regular file"):
             Log.open(path)
 
 
@@ -353,5 +353,5 @@ def test_times_that_no_clock_gives_are_damage(tmp_path: Path) -> None:
     late = MESSAGE_HEAD.pack(5, MESSAGE_HEAD.size - 9, 1, 0, 1 << 63, 1 << 63)
     small = write(tmp_path, inputs(describe(2)) + ticks(2, 20)).paths[0]
     log = Log.open(forged(tmp_path / "a.mcap", small, late, 1))
-    assert log.missing
+    assert "no record is left" in log.missing
     log.states()

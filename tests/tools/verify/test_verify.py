@@ -154,7 +154,7 @@ def test_a_process_that_ends_without_a_result_is_an_error() -> None:
         say("begun")
         os._exit(3)
 
-    with pytest.raises(LogError, match="3"):
+    with pytest.raises(LogError, match="exit code 3"):
         Forked(dies).result(heard.append)
     assert heard == ["begun"]
 
@@ -245,6 +245,7 @@ def test_what_no_service_writes_is_one_error(kind, payload, story, tmp_path):
 
     assert done.code in {1, 2}
     assert "Traceback" not in done.stderr
+    assert "no service of ours" in done.stderr
 
 
 @pytest.mark.parametrize("wrong", ["long", "old"])
