@@ -177,7 +177,7 @@ def test_on_the_network_only_a_single_robot_needs_no_name(monkeypatch, names, er
 
 
 def test_a_change_that_no_robot_takes_is_refused_before_it_is_sent():
-    with pytest.raises(UsageError, match="the change has 70011 bytes; a robot takes 65536"):
+    with pytest.raises(UsageError, match=r"70011 bytes.* 65536"):
         sent.request({"key": "x" * 70_000}, {})
 
 

@@ -303,7 +303,7 @@ def test_no_byte_is_read_again_for_each_entry_of_the_index(
 def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "robot.mcap")
     for path in (tmp_path / "robot.mcap", tmp_path):
-        with pytest.raises(LogError, match="is a FIFO, not a regular file"):
+        with pytest.raises(LogError, match="FIFO"):
             Log.open(path)
 
 
