@@ -92,17 +92,17 @@ class BlockingRecorder(Recorder):
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Write slots, when there are enough."""
-        slots = min(self._ring.slots_for(len(payload)), self._ring.slots)
-        if self._ring.free < slots:
-            self._wait(slots)
+        slots = min(self._ring.slots_for(len(payload)), self._ring.usable(kind))
+        if self._ring.room(kind) < slots:
+            self._wait(kind, slots)
         self._ring.write(kind, stamp, payload)
 
     def reject(self, kind: int) -> None:
         """Count it in shared memory."""
         self._ring.count(kind)
 
-    def _wait(self, slots: int) -> None:
-        while self._ring.free < slots:
+    def _wait(self, kind: Kind, slots: int) -> None:
+        while self._ring.room(kind) < slots:
             if not self._reader_alive():
                 raise Hoap3Error("the recorder has died: the log of this run is not whole")
             time.sleep(0.001)

@@ -2,8 +2,8 @@
 
 Writing is a copy and a few stores: no lock, no system call, no allocation that grows. Where the
 observer falls behind or has died, records are dropped and counted, and the loop does not notice.
-The last sixteenth of the slots is kept from States and setpoints: an observer that lags loses some
-of these, of which there are thousands, before it loses an event or a session.
+A sixteenth of the slots is reserved for all records but States, setpoints and targets: an observer
+that lags loses some of these, of which there are thousands, before it loses an event.
 The memory has no name in the file system, so nothing is left behind by a process that is killed.
 """
 
@@ -58,7 +58,7 @@ class Kind(IntEnum):
 
 
 _KINDS = {int(kind): kind for kind in Kind}
-_EVERY_TICK = frozenset({Kind.STATE, Kind.SETPOINT})
+_FREQUENT = frozenset({Kind.STATE, Kind.SETPOINT, Kind.TARGET})  # as often as every tick
 
 
 class Record(NamedTuple):
@@ -101,16 +101,14 @@ class Ring:
             raise Hoap3Error(f"file descriptor {fd} is not a ring of ours")
         self.slots, self._slot_bytes = self._get("slots"), self._get("slot_bytes")
         self._capacity = self._slot_bytes - _SLOT.size
-        self._every_tick_slots = self.slots - self.slots // 16
+        self._reserved = self.slots // 16
         self._head, self._tail = self._get("head"), self._get("tail")
         self._dropped, self._gaps = self._get("dropped"), self._get("noticed")
         self._beats = self._get("beats")
 
     def write(self, kind: Kind, stamp: int, payload: bytes) -> bool:
         """Append a record, in as many slots as it needs: all of it, or False and nothing."""
-        usable = self._every_tick_slots if kind in _EVERY_TICK else self.slots
-        taken = self._head - self._get("tail")
-        if taken + self.slots_for(len(payload)) > usable:
+        if self.slots_for(len(payload)) > self.room(kind):
             self._dropped += 1
             self._set("dropped", self._dropped)
             return False
@@ -182,9 +180,17 @@ class Ring:
         """Records dropped since the start."""
         return self._get("dropped")
 
+    def room(self, kind: Kind) -> int:
+        """Slots that records of a kind can take before they are dropped; 0 or less: none."""
+        return self.usable(kind) - self.slots + self.free
+
+    def usable(self, kind: Kind) -> int:
+        """How many of the slots records of a kind may take."""
+        return self.slots - self._reserved if kind in _FREQUENT else self.slots
+
     @property
     def free(self) -> int:
-        """Slots that can be written before records are dropped."""
+        """Slots that hold nothing."""
         return self.slots - (self._head - self._get("tail"))
 
     def _put(self, kind: Kind, stamp: int, payload: bytes, more: int) -> None:

@@ -159,13 +159,16 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
         _add_answer(run, payload)
     elif kind == Kind.EVENT:
         event, detail = Event.scalars(payload, "kind", "detail")
+        missing = run.gaps[-1:] == [len(run._states)]  # the State that it belongs to is not here
         if event == EVENTS["RESET"]:
-            run.resets.append(max(0, len(run._states) - 1))
+            if not missing:
+                run.resets.append(max(0, len(run._states) - 1))
         elif event == EVENTS["OVERWRITTEN"]:
             run.overwritten[len(run._states)] = detail
         elif event in {EVENTS["CONDITION_BEGAN"], EVENTS["CONDITION_ENDED"]}:
             began = event == EVENTS["CONDITION_BEGAN"]
-            run.conditions.append((max(0, len(run._states) - 1), detail, began))
+            place = max(0, len(run._states) - (not missing))
+            run.conditions.append((place, detail, began))
     elif kind == Kind.AUTHORITY:
         run.epochs.append((len(run._states), int(json.loads(payload)["epoch"])))
     elif kind == Kind.CHANGE:

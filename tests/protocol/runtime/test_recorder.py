@@ -58,6 +58,18 @@ def test_a_patient_recorder_waits_for_a_slow_reader_and_drops_nothing(ring):
     assert reader.asked == 24  # each time after four slots were full
 
 
+def test_a_patient_recorder_waits_for_the_reserve_of_a_ring_too():
+    ring = Ring(slots=32, slot_bytes=5000)
+    reader = Reader(ring)
+    recorder = BlockingRecorder(ring, reader.alive)
+    for stamp in range(100):
+        recorder.record(Kind.STATE if stamp % 3 else Kind.EVENT, stamp, b"x")
+    reader.records += reader.ring.read()
+    assert [record.stamp for record in reader.records] == list(range(100))
+    assert ring.dropped == 0
+    os.close(ring.fd)
+
+
 def test_a_patient_recorder_waits_for_room_for_the_whole_of_a_large_record(ring):
     reader = Reader(ring)
     recorder = BlockingRecorder(ring, reader.alive)

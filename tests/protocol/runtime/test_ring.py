@@ -30,23 +30,25 @@ def pair() -> Iterator[tuple[Ring, Ring]]:
 class Model:
     """What a ring should do, with a list and no memory to share."""
 
-    def __init__(self) -> None:
+    def __init__(self, slots: int) -> None:
+        self.slots = slots
         self.waiting: list[tuple[Record, int]] = []  # with the slots that each takes
         self.dropped = self.noticed = 0
 
     @property
     def free(self) -> int:
-        return SLOTS - sum(slots for _, slots in self.waiting)
+        return self.slots - sum(slots for _, slots in self.waiting)
 
-    def write(self, stamp: int, payload: bytes, slots: int) -> bool:
-        if slots > self.free or slots > SLOTS:
+    def write(self, kind: Kind, stamp: int, payload: bytes, slots: int) -> bool:
+        reserved = self.slots // 16 if kind in {Kind.STATE, Kind.SETPOINT, Kind.TARGET} else 0
+        if slots > self.free - reserved:
             self.dropped += 1
             return False
         if self.dropped != self.noticed:
             gap = json.dumps({"dropped": self.dropped - self.noticed}).encode()
             self.waiting.append((Record(Kind.GAP, stamp, gap), 0))
             self.noticed = self.dropped
-        self.waiting.append((Record(Kind.EVENT, stamp, payload), slots))
+        self.waiting.append((Record(kind, stamp, payload), slots))
         return True
 
     def read(self, records: int | None) -> list[Record]:
@@ -54,25 +56,29 @@ class Model:
         return [record for record, _ in taken]
 
 
-WRITES = st.tuples(st.just("write"), st.binary(max_size=CAPACITY + 2))
-LARGE_WRITES = st.tuples(st.just("write"), st.binary(max_size=CAPACITY * (SLOTS + 1)))
-READS = st.tuples(st.just("read"), st.sampled_from([None, None, 1, 2]))
+KINDS = st.sampled_from([Kind.STATE, Kind.TARGET, Kind.EVENT])
+WRITES = st.tuples(KINDS, st.binary(max_size=CAPACITY + 2))
+LARGE_WRITES = st.tuples(KINDS, st.binary(max_size=CAPACITY * (SLOTS + 1)))
+READS = st.tuples(st.none(), st.sampled_from([None, None, 1, 2]))
 
 
-@given(actions=st.lists(st.one_of(WRITES, LARGE_WRITES, READS), max_size=60))
-def test_any_interleaving_of_writes_and_reads_does_what_a_list_does(actions):
-    writer = Ring(slots=SLOTS, slot_bytes=SLOT_BYTES)
-    reader, model = Ring(writer.fd), Model()
+@given(
+    actions=st.lists(st.one_of(WRITES, LARGE_WRITES, READS), max_size=60),
+    slots=st.sampled_from([SLOTS, 33]),  # without and with a reserve
+)
+def test_any_interleaving_of_writes_and_reads_does_what_a_list_does(actions, slots):
+    writer = Ring(slots=slots, slot_bytes=SLOT_BYTES)
+    reader, model = Ring(writer.fd), Model(slots)
     try:
-        for stamp, (action, argument) in enumerate(actions):
-            if action == "read":
+        for stamp, (kind, argument) in enumerate(actions):
+            if kind is None:
                 source = reader.read()
                 found = list(source) if argument is None else [*_first(source, argument)]
                 assert found == model.read(argument)
             else:
-                slots = -(-max(len(argument), 1) // CAPACITY)
-                done = writer.write(Kind.EVENT, stamp, argument)
-                assert done == model.write(stamp, argument, slots)
+                needed = -(-max(len(argument), 1) // CAPACITY)
+                done = writer.write(kind, stamp, argument)
+                assert done == model.write(kind, stamp, argument, needed)
             assert writer.free == model.free
             assert writer.dropped == reader.dropped == model.dropped
         assert list(reader.read()) == model.read(None)

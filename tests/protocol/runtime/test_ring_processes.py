@@ -58,10 +58,10 @@ def test_a_reader_in_another_process_loses_nothing_and_sees_whole_payloads(ring,
     for number in range(count):
         size = SIZES[number % len(SIZES)]
         slots = -(-size // CAPACITY)
-        while ring.free < slots:
+        while ring.room(Kind.STATE) < slots:
             assert reader.poll() is None
             os.sched_yield()
-        assert ring.write(Kind.EVENT, number, body(number, size))
+        assert ring.write(Kind.STATE, number, body(number, size))
     ring.close()
     report = json.loads(reader.stdout.read())
     assert report == {"found": count, "gaps": 0, "broken": 0}

@@ -79,8 +79,7 @@ def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(tmp
         controller("qp12", *QUIET, at=at) as law,
     ):
         wait_for_mode("active", at)
-        while not (out / "robot.mcap").exists():  # observers begin when they get a processor
-            wait_for_ticks(at, 50)
+        observer_of(robot, "robot.mcap", at)  # which begins when it gets a processor
         out.chmod(0o555)
         assert "LOG_LOST" in (event["event"] for event in connection.events(PATIENCE_S))
         robot.hear("robot's log is not whole: .*Permission denied")

@@ -14,6 +14,7 @@ import pytest
 from support.log_samples import describe, inputs, ticks
 from support.systemd.stand_in import PATIENCE_S, SystemdStandIn
 
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.services.messages import ObserverConfig
 from hoap3.tools.services.observer import ObserverHandle
@@ -44,7 +45,7 @@ class Service:
         """So many ticks, all of them different; waits while the ring is full."""
         ring = self.observer.ring
         for record in inputs(describe(JOINTS)) + ticks(JOINTS, count):
-            while ring.free < 10 and not self.told.is_set():
+            while ring.room(Kind.STATE) < 10 and not self.told.is_set():
                 self.told.wait(0.01)
             ring.write(*record)
 
