@@ -1,6 +1,6 @@
 """One MCAP file as it is written, in chunks that are cut when the caller says so.
 
-The library's own `mcap.writer.Writer` can be told when to cut (`flush`), but takes 5 to 8 µs for
+The library's own `mcap.writer.Writer` can be told when to cut (`flush`), but takes 4 to 5 µs for
 a message of ours, since it builds each record from a dozen small writes; lockstep runs ask for a
 third of that. Here a message is one `struct.pack` and three appends, index entries are made with
 numpy when a chunk is cut, and everything else is left to the library's record classes. The file
