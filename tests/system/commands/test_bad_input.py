@@ -195,10 +195,10 @@ def test_a_controller_that_is_none(code, words, tmp_path, request):
 
 def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path):
     file = written(tmp_path, "", "file")
-    refusal(inside(*LOCKSTEP, "--out", file), "--out", str(file))
-    refusal(inside(*LOCKSTEP, "--out", file / "below"), "--out", str(file))
+    refusal(inside(*LOCKSTEP, "--out", file), "--out", "file")
+    refusal(inside(*LOCKSTEP, "--out", file / "below"), "--out", "file/below")
     named = tmp_path / "x.mcap"
-    refusal(inside(*LOCKSTEP, "--out", named), "--out", str(named))
+    refusal(inside(*LOCKSTEP, "--out", named), "--out", "x.mcap")
     assert not named.exists()
     assert_ran(inside(*LOCKSTEP, "--out", tmp_path / "log"))
     services = ("emulator", "hoap3", "--no-realtime"), ("controller", "qp12", "--no-realtime")
