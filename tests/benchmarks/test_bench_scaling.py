@@ -82,7 +82,7 @@ def test_a_picture_that_cannot_be_is_refused_before_anything_is_measured(
     monkeypatch.setattr(scaling, "bench_scaling", lambda *_, **__: pytest.fail("it measured"))
     done = run_command(scaling.command, "--plot", tmp_path / name)
     assert isinstance(done.exception, ConfigError)
-    assert str(tmp_path / name) in str(done.exception)
+    assert name in str(done.exception)
 
 
 def test_without_matplotlib_nothing_is_measured(tmp_path, monkeypatch, run_command):

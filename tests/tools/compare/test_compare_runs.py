@@ -176,7 +176,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):
     (tmp_path / "file").write_text("", encoding="utf-8")
     done = invoke("qp12", "pinv", "--out", tmp_path / "file" / "out")
     assert isinstance(done.exception, ConfigError)
-    assert str(tmp_path / "file") in str(done.exception)
+    assert "file/out" in str(done.exception)
     assert "in lockstep" not in done.stderr
 
 
