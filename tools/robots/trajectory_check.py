@@ -29,7 +29,7 @@ from hoap3.tools.robots.trajectory_limits import limits_exceeded
 from hoap3.tools.services.configs import load_emulator_config
 
 RADIANS = "positions are read in rad (prismatic joints: m): multiply degrees by pi/180 = 0.0174533"
-FAR_BEYOND = 4.0  # limits: perhaps degrees
+FAR_BEYOND = 1.5  # times a limit: perhaps degrees, also where angles are small
 LONG_STEP_S = 5.0  # between rows: perhaps milliseconds
 
 

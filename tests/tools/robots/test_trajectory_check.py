@@ -216,6 +216,7 @@ def test_a_jump_at_the_start_is_found(tmp_path):
 def test_units_are_named_where_limits_are_exceeded_and_where_steps_are_long(tmp_path):
     for text, code, word in (
         ("t,shoulder_pan_joint\n0,0\n1,90\n2,0\n", 1, "degrees"),
+        ("t,shoulder_pan_joint\n0,0\n1,6\n2,0\n", 1, "degrees"),
         ("t,shoulder_pan_joint\n0,0\n1000,0.1\n2000,0\n", 0, "milliseconds"),
     ):
         done = checked(tmp_path, text, "--json")
