@@ -346,11 +346,12 @@ class _LogKeeper:
     def end(self, dropped: int) -> None:
         """Finish the log and tell what became of it."""
         self._monitor.stop()
+        if dropped:
+            them = "figures are" if self._writer is None else "the log and figures are"
+            self._reporter.say(
+                f"{dropped} records came faster than the observer read them; {them} incomplete"
+            )
         if self._writer is not None:
-            if dropped:
-                self._reporter.say(
-                    f"the log has gaps: {dropped} records came faster than they were written"
-                )
             try:
                 self._writer.close()
             except OSError as error:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 import resource
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -33,7 +35,8 @@ class Service:
         self.told = threading.Event()
         self.heard: list[str] = []
         limits = {"cap_bytes": 100 * FILE, "file_bytes": FILE}
-        config = ObserverConfig("robot", "sample", folder, 1_000_000, **limits, **more)
+        settings = {"folder": folder, **limits, **more}
+        config = ObserverConfig("robot", "sample", period_ns=1_000_000, **settings)
         self.observer = ObserverHandle(config, self._report)
         self.pid = self.observer._process.pid
 
@@ -55,7 +58,7 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Service]]:
     made: list[Service] = []
 
     def begin(**more: Any) -> Service:
-        made.append(Service(tmp_path, **more))
+        made.append(Service(**{"folder": tmp_path, **more}))
         return made[-1]
 
     yield begin
@@ -68,6 +71,21 @@ def wait_until_it_writes(folder: Path) -> None:
     pause = threading.Event()
     while not (folder / "robot.mcap").exists():
         pause.wait(0.01)
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_records_that_an_observer_misses_are_reported_with_and_without_a_log(
+    serve, capfd, recorded
+):
+    service = serve(**({} if recorded else {"folder": None}))
+    os.kill(service.pid, signal.SIGSTOP)
+    ring = service.observer.ring
+    for record in inputs(describe(JOINTS)) + ticks(JOINTS, ring.slots):
+        ring.write(*record)
+    os.kill(service.pid, signal.SIGCONT)
+    assert service.observer.close()
+    assert service.observer.result.summary["dropped_records"] == ring.dropped > ring.slots
+    assert f"{ring.dropped} records" in capfd.readouterr().err
 
 
 def test_without_descriptors_the_log_goes_on_in_further_files(
