@@ -33,7 +33,7 @@ class Claim:
         """Whether a grant is of the robot's session that the claim is for."""
         return session_id == self.session_id
 
-    def hear(self, session_id: int, mode: int, epoch: int, from_tick: int) -> Claim:
+    def update(self, session_id: int, mode: int, epoch: int, from_tick: int) -> Claim:
         """Take a State: the robot's mode, the epoch that it follows, the first tick of its grant.
 
         While it comes to rest, it follows an earlier grant to the end: ours may be the next one.

@@ -205,7 +205,7 @@ class ControllerLoop:
         tick, session_id, epoch, claim = state.tick, state.session_id, state.epoch, self.claim
         if not claim.fits(session_id):
             self.foreign += 1
-            self.claim = claim.hear(session_id, state.mode, epoch, state.epoch_from_tick)
+            self.claim = claim.update(session_id, state.mode, epoch, state.epoch_from_tick)
             return None
         if tick <= self._last_tick:
             self.repeated += 1
@@ -216,7 +216,7 @@ class ControllerLoop:
             received = now()
         decoded = now()
         if epoch != claim.epoch or claim.strange:
-            self.claim = claim.hear(session_id, state.mode, epoch, state.epoch_from_tick)
+            self.claim = claim.update(session_id, state.mode, epoch, state.epoch_from_tick)
         if tick != self._last_tick + 1:
             self._note_gap(tick)
         self._last_tick = tick
@@ -271,7 +271,7 @@ class ControllerLoop:
             self._outcome.note(self._state, self._controller.command)
         self._record()
 
-    def hear(self, payload: bytes) -> None:
+    def receive_event(self, payload: bytes) -> None:
         """Take an Event of the robot, and record that setpoints conflict, or that it stops.
 
         A stop that lasts until somebody recovers the robot is recorded in real time only: in

@@ -476,7 +476,7 @@ class Service:
                 sent()
                 told = event()  # one for each State: others may send more than can be read
                 if told is not None:
-                    loop.hear(told)
+                    loop.receive_event(told)
                 request = asked()
                 if request is not None:
                     serve(request, loop, self._about)

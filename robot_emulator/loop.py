@@ -157,7 +157,7 @@ class RobotLoop:
             ticks: duration, counted from the first active tick, or None for no end.
         """
 
-        def heed(tick: int) -> None:
+        def stop_if_due(tick: int) -> None:
             if should_stop():
                 self.stop("REASON_SHUTDOWN")
             elif ticks is not None and 0 <= self._first_active_tick <= tick - ticks:
@@ -167,13 +167,13 @@ class RobotLoop:
         self._announce("STARTED", 0)
         while True:
             if self._may_act_ahead(ticker):
-                heed(ticker.tick + 1)
+                stop_if_due(ticker.tick + 1)
                 self._act(ticker.tick + 1)
                 self._acted = True
                 ticker.wait()
             else:
                 ticker.wait()
-                heed(ticker.tick)
+                stop_if_due(ticker.tick)
             self.step(ticker)
             at_rest = self._authority.mode == State.STOPPED and not self._pending
             if at_rest and self._authority.stop_reason in ENDING:

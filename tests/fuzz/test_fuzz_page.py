@@ -135,7 +135,7 @@ class Hand:
     async def say(self, word: str | bytes) -> None:
         """Say it, and wait until what it asks for is done; raise what it is told of."""
         self.page.show('{"kind":"frame","tick":1}', 1)
-        await self.page.hear(word)
+        await self.page.receive(word)
         while doing := [*self.page._doing, *self.page._stopping]:
             await asyncio.gather(*doing, return_exceptions=True)
             await asyncio.sleep(0)

@@ -161,7 +161,7 @@ class Followed:
         other = mutate_bytes(draw, payload)
         return other[:20] + payload[20:28] + other[28:]  # of a later tick all others would be old
 
-    def hear(self, payload: bytes) -> None:
+    def receive_event(self, payload: bytes) -> None:
         """Take a State of whomever; an error of ours would end the controller."""
         rejected = self.loop.rejected
         try:
@@ -244,7 +244,7 @@ def test_a_controller_outlives_every_state(
     """Anybody may send States in plain mode."""
     draw = random.Random(count)
     for _ in range(count):
-        findings.judge(followed.hear, followed.strange_state(draw))
+        findings.judge(followed.receive_event, followed.strange_state(draw))
         followed.step()
     findings.check(count)
 

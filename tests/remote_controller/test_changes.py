@@ -158,7 +158,7 @@ def test_what_is_wrong_is_named_and_nothing_has_changed(request_, problem):
 
 
 OTHERS = [
-    ("clik_ur5", {"tasks.nobody.weight": 2.0}, "tasks.nobody"),
+    ("clik_ur5", {"tasks.unknown.weight": 2.0}, "tasks.unknown"),
     ("clik_ur5", {"tasks.hand": 2.0}, "tasks.hand"),
     ("clik_ur5", {"tasks.hand.parameters.weights": [1.0, 2.0]}, "weights"),
     ("clik_ur5", {"tasks.hand.parameters.weights": [0.0]}, "weights"),

@@ -31,9 +31,9 @@ def conflict(count: int, **changes: int) -> bytes:
 def test_a_controller_records_it_once_a_second_at_most():
     controller = Controller()
     for count in range(1, 5):
-        controller.loop.hear(conflict(count))
+        controller.loop.receive_event(conflict(count))
     controller.clock.advance(SECOND)
-    controller.loop.hear(conflict(9))
+    controller.loop.receive_event(conflict(9))
     assert told(controller) == [1, 9]
 
 
@@ -43,7 +43,7 @@ def test_a_controller_records_it_once_a_second_at_most():
 )
 def test_a_controller_takes_nothing_else_for_it(payload):
     controller = Controller()
-    controller.loop.hear(payload)
+    controller.loop.receive_event(payload)
     assert told(controller) == []
-    controller.loop.hear(conflict(2))
+    controller.loop.receive_event(conflict(2))
     assert told(controller) == [2]

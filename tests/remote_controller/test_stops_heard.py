@@ -53,36 +53,36 @@ def test_a_stop_that_lasts_is_recorded_once_a_second_at_most():
     clock = Wall()
     bench = Bench(clock)
     for reason in (MISSES, COMMAND, MISSES):
-        bench.loop.hear(stop(reason))
+        bench.loop.receive_event(stop(reason))
     assert bench.told() == [MISSES]
     clock.time += SECOND
-    bench.loop.hear(stop(COMMAND))
+    bench.loop.receive_event(stop(COMMAND))
     assert bench.told() == [MISSES, COMMAND]
 
 
 @pytest.mark.parametrize("reason", ["RELEASED", "SHUTDOWN", "ENDED"])
 def test_a_robot_that_nobody_needs_to_recover_is_not_recorded(reason):
     bench = Bench(Wall())
-    bench.loop.hear(stop(CONSTANTS[f"REASON_{reason}"]))
+    bench.loop.receive_event(stop(CONSTANTS[f"REASON_{reason}"]))
     assert bench.told() == []
 
 
 def test_another_session_and_an_unknown_reason_are_not_recorded():
     bench = Bench(Wall())
-    bench.loop.hear(stop(MISSES, SESSION + 1))
-    bench.loop.hear(stop(200))
+    bench.loop.receive_event(stop(MISSES, SESSION + 1))
+    bench.loop.receive_event(stop(200))
     assert bench.told() == []
 
 
 def test_in_virtual_time_the_log_stays_the_same_whenever_the_word_comes():
     bench = Bench(VirtualClock())
-    bench.loop.hear(stop(MISSES))
+    bench.loop.receive_event(stop(MISSES))
     assert bench.told() == []
 
 
 def test_events_without_effect_are_counted_by_reason():
     bench = Bench(Wall())
     for payload in (b"", stop(MISSES)[:-1], stop(MISSES, SESSION + 1), stop(MISSES)):
-        bench.loop.hear(payload)
+        bench.loop.receive_event(payload)
     assert (bench.loop.rejected_events, bench.loop.foreign_events) == (2, 1)
     assert bench.told() == [MISSES]

@@ -125,7 +125,7 @@ class Command:
         """Standard error so far."""
         return self._texts["stderr"]
 
-    def hear(self, pattern: str, times: int = 1, stream: str = "stderr") -> re.Match[str]:
+    def wait_for(self, pattern: str, times: int = 1, stream: str = "stderr") -> re.Match[str]:
         """Wait until it has said something that matches; fails where it ends without."""
         found: list[re.Match[str]] = []
 
@@ -202,7 +202,7 @@ class Command:
 def emulator(*arguments: object, at: str, **kinds: Any) -> Iterator[Command]:
     """A robot that listens, ready to be talked to."""
     with Command("emulator", *arguments, "--set", f"link.listen=[{at}]", **kinds) as command:
-        command.hear(r"is alive at")
+        command.wait_for(r"is alive at")
         yield command
 
 
@@ -215,7 +215,7 @@ def controller(*arguments: object, at: str, **kinds: Any) -> Command:
 def following(*arguments: object, at: str, **kinds: Any) -> Iterator[Command]:
     """A controller that HOAP-3 at an endpoint follows, and is active."""
     with controller(*arguments, at=at, **kinds) as law:
-        law.hear("following robot")
+        law.wait_for("following robot")
         wait_for_mode("active", at)
         yield law
 
@@ -243,7 +243,7 @@ def followed(
         emulator(names[0], *robot, at=at, **kinds) as ours,
         controller(names[1], *law, at=near or at) as theirs,
     ):
-        theirs.hear("following robot")
+        theirs.wait_for("following robot")
         yield ours, theirs
 
 

@@ -302,7 +302,7 @@ class _Stepwise:
     def __init__(self, config: EmulatorConfig, description: RobotDescription) -> None:
         clock = VirtualClock()
         compute_time = round(config.lockstep.compute_time_us * 1e3)
-        self._link = LockstepLink(self._hear, clock, compute_time)
+        self._link = LockstepLink(self._receive, clock, compute_time)
         self.robot: RobotLoop = build_loop(
             config, description, clock, self._link, NoRecorder(), lockstep=True
         )
@@ -336,6 +336,6 @@ class _Stepwise:
         self._ticker.wait()
         self.robot.step(self._ticker)
 
-    def _hear(self, state: bytes) -> None:
+    def _receive(self, state: bytes) -> None:
         """Take a State; the answer comes later, at the same virtual time."""
         self.state.load(state)

@@ -56,7 +56,7 @@ LIVE_S = 0.25
 PING_S = 0.05  # between two looks at the loop for systemd
 DRAIN_S = 30.0  # for what is left to be written at the end
 END_S = 5.0  # for the end of a process that has nothing left to do
-REPAIR = "`hoap3 record --repair` mends what there is"
+REPAIR = "`hoap3 record --repair` repairs what is left"
 UNWATCHED = f", which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, or root"
 
 

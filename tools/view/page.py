@@ -123,7 +123,7 @@ class Page:
                 says = "none" if self._operator is None else self._operator.says(self)
                 await self._socket.send(f'{frame[:-1]},"operator":"{says}"}}')
 
-    async def hear(self, message: str | bytes) -> None:
+    async def receive(self, message: str | bytes) -> None:
         """Take one word of the page."""
         number: object = None
         try:

@@ -210,7 +210,7 @@ class PageServer:
         sending = asyncio.create_task(page.send())
         try:
             async for message in connection:
-                await page.hear(message)
+                await page.receive(message)
         except ConnectionClosed:
             pass  # however it went
         finally:

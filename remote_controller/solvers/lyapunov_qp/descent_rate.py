@@ -1,4 +1,4 @@
-"""How fast V shall fall: the forms of Ψ in the Lyapunov constraint ∇V·u = −ρΨ, and their units.
+"""Convergence rate laws: the forms of Ψ in the Lyapunov constraint ∇V·u = −ρΨ, and their units.
 
 Gonçalves et al., IEEE T-RO 2020, section III-C. ``StableQp`` finds ρ, what the constraints leave.
 `descent_rate_kernels` evaluates Ψ.

@@ -110,7 +110,7 @@ MUTANTS = (
     Mutant("a look-up that nobody heeds", ClientTokens, "found", _unheard),
     Mutant("a grant of another session", Claim, "fits", lambda _self, _session_id: True),
     Mutant("a client that never gives up", Claim, "doubt", lambda self, _strange: self),
-    Mutant("a client that gives up while another's motion ends", Claim, "hear", _impatient),
+    Mutant("a client that gives up while another's motion ends", Claim, "update", _impatient),
     Mutant("a grant from tick 0 told as none", Authority, "told_from_tick", property(_from_tick)),
 )
 """Faults; the last two were in the product before the search found them."""

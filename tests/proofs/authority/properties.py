@@ -120,5 +120,5 @@ def _heard(claim: Claim, session: int, authority: Authority) -> Claim:
     """What a client makes of many States in a row of a robot that stands so."""
     for _ in range(MOST_STRANGE_STATES + 1):
         from_tick = authority.told_from_tick
-        claim = claim.hear(session, authority.mode, authority.followed, from_tick)
+        claim = claim.update(session, authority.mode, authority.followed, from_tick)
     return claim

@@ -85,7 +85,7 @@ REFUSED = {
     "floating": (SHOULDER, SHOULDER.replace("revolute", "floating"), "'shoulder'.*'floating'"),
     "planar": (SHOULDER, SHOULDER.replace("revolute", "planar"), "'shoulder'.*'planar'.*prismatic"),
     "misspelt type": (SHOULDER, SHOULDER.replace("revolute", "revolut"), "'revolut'.*revolute"),
-    "mimic of nobody": (SHOULDER, SHOULDER + "<mimic/>", "'shoulder'.*<mimic joint"),
+    "mimic without a joint": (SHOULDER, SHOULDER + "<mimic/>", "'shoulder'.*<mimic joint"),
     "mimic of a misspelt joint": (SHOULDER, SHOULDER + '<mimic joint="elbw"/>', "'elbw'.*'elbow'"),
     "mimic of a fixed joint": (SHOULDER, SHOULDER + '<mimic joint="tool_joint"/>', "'tool_joint'"),
     "mimic of itself": (SHOULDER, SHOULDER + '<mimic joint="shoulder"/>', "'shoulder'.*<mimic>"),

@@ -121,7 +121,7 @@ def steer(pen: PagePen) -> None:
         told = pen.act(verb="acquire")
         if told["error"] is None:
             return
-        pen.hear("frame")
+        pen.wait_for("frame")
     raise AssertionError(told)
 
 
@@ -135,7 +135,7 @@ def goes_to(robot: Connection, pen: PagePen, aim: list[float]) -> None:
         assert time.monotonic() < until, (hand(state), state.mode, pen.events)
         if pen.act(verb="target", name="hand", values=aim)["error"] is not None:
             steer(pen)
-        pen.hear("frame")
+        pen.wait_for("frame")
 
 
 @contextmanager

@@ -141,11 +141,11 @@ class PagePen:
         self.events: list[str] = []
         self.tick: int | None = None  # of the newest frame that has come
         self._waits = deque[dict[str, Any]]()  # words that have come, and nobody has heard yet
-        self.hello = self.hear("hello")
+        self.hello = self.wait_for("hello")
         self.nonce = self.hello["nonce"]
         self.number = 0
 
-    def hear(self, kind: str, **wanted: object) -> dict[str, Any]:
+    def wait_for(self, kind: str, **wanted: object) -> dict[str, Any]:
         """The next word of that kind, with these values."""
         while True:
             word = self._waits.popleft() if self._waits else self._take(PATIENCE_S)
@@ -177,7 +177,7 @@ class PagePen:
 
     def prove(self) -> bool:
         self.say(kind="prove", proof=self.code(self.nonce + self.origin))
-        return bool(self.hear("proved")["ok"])
+        return bool(self.wait_for("proved")["ok"])
 
     def mac(self, number: int, text: str) -> str:
         return self.code(f"{self.nonce}\n{number}\n{text}")
@@ -193,7 +193,7 @@ class PagePen:
 
     def act(self, **do: object) -> dict[str, Any]:
         """The same, and the answer."""
-        return self.hear("told", id=self.send(**do))
+        return self.wait_for("told", id=self.send(**do))
 
     def beat(self) -> None:
         self.number += 1

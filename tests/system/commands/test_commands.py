@@ -109,14 +109,14 @@ def test_a_schema_of_an_entry_has_its_own_parameters(kind: str, name: str) -> No
     assert named <= schema.get("$defs", {}).keys()
 
 
-def test_all_logs_of_a_folder_are_mended(folder: Path, tmp_path: Path) -> None:
+def test_all_logs_of_a_folder_are_repaired(folder: Path, tmp_path: Path) -> None:
     whole = (folder / "robot.mcap").read_bytes()
     (tmp_path / "robot.mcap").write_bytes(whole[:-100])
     (tmp_path / "robot.0001.mcap").write_bytes(whole)
     done = inside("record", "--repair", tmp_path, "--json")
     assert done.code == 0
-    mended = {Path(each["path"]).name: each["whole"] for each in done.json()["logs"]}
-    assert mended == {"robot.mcap": False, "robot.0001.mcap": True}
+    repaired = {Path(each["path"]).name: each["whole"] for each in done.json()["logs"]}
+    assert repaired == {"robot.mcap": False, "robot.0001.mcap": True}
     assert Log.open(tmp_path / "robot.repaired.mcap").states().size > 0
     (tmp_path / "robot.repaired.mcap").unlink()
     (tmp_path / "controller.mcap").write_bytes(b"noise")
@@ -137,9 +137,9 @@ def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
         idle = tell("status", at, "test_robot")
         assert (idle["mode"], idle["holder"], idle["lockstep"]) == ("idle", None, False)
         assert inside("list", "--live", "--json", "--connect", at).json()["alive"] == ["test_robot"]
-        law.hear("following robot")
+        law.wait_for("following robot")
         with Command("record", "test_robot", "--connect", at, "--out", out, "--json") as record:
-            record.hear("recording robot 'test_robot'")
+            record.wait_for("recording robot 'test_robot'")
             tick = wait_for_mode("active", at, "test_robot")["tick"]
             while tell("status", at, "test_robot")["tick"] < tick + 200:
                 continue

@@ -161,8 +161,8 @@ def test_a_client_without_our_code_drives_the_robot(tmp_path: Path) -> None:
         words = [sys.executable, "-c", CLIENT, at, "hoap3", "200"]
         client = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
         assert client.returncode == 0, client.stderr
-        robot.hear(r"braking \(released\)")
-        robot.hear("at rest")
+        robot.wait_for(r"braking \(released\)")
+        robot.wait_for("at rest")
         assert robot.end(15) in {0, 1}
     assert '"released": true' in client.stdout
     log = Log.open(out, side="robot")

@@ -163,7 +163,7 @@ def test_an_interrupt_during_an_import_ends_at_once(tmp_path, module, number):
     (tmp_path / f"{module}.py").write_text(SLOW.format(seconds=600))
     words = ("run", "--lockstep", "--out", tmp_path / "log")
     with Command(*words, environment=on_path(tmp_path)) as run:
-        run.hear("importing")
+        run.wait_for("importing")
         run.send(number)
         assert run.end() == -number
     assert run.stderr == "importing\n"
@@ -178,7 +178,7 @@ def test_an_interrupted_start_leaves_no_folder(tmp_path, number):
     (tmp_path / "law.yaml").write_text("controller: slow_law:Law\n")
     words = ("run", "--controller", tmp_path / "law.yaml", "--out", tmp_path / "new" / "log")
     with Command(*words) as run:
-        run.hear("importing", 2)  # by this process, and by the controller's
+        run.wait_for("importing", 2)  # by this process, and by the controller's
         run.send(number)
         assert run.end() == 1
     assert_no_traceback(run)

@@ -157,7 +157,7 @@ def test_who_asks_for_a_robot_that_is_not_there_is_told_which_are(monkeypatch):
         with pytest.raises(LinkError, match=r"this machine: arm$"):
             release_robot("leg")
         with controller("qp12", *QUIET, "--set", "robot=leg", at=endpoint()) as law:
-            law.hear(r"waiting for robot 'leg' .* this machine: arm")
+            law.wait_for(r"waiting for robot 'leg' .* this machine: arm")
             assert law.end(signal.SIGTERM) == 0
     with pytest.raises(LinkError, match=rf"nothing answers at {ENDPOINT}\. Start it"):
         ask_robots("leg", "status", None)
@@ -217,7 +217,7 @@ def test_stop_reaches_all_robots_of_one_name_on_this_machine():
     first, second = endpoint(), endpoint()
     words = ("hoap3", *QUIET, "--set", "name=arm")
     with emulator(*words, at=first) as one, emulator(*words, at=second) as other:
-        warned = other.hear(r"has the same name: arm at (\S+) \(process (\d+)")
+        warned = other.wait_for(r"has the same name: arm at (\S+) \(process (\d+)")
         assert warned.groups() == (first, str(one.process.pid))
         found = inside("status", "arm", "--json").json()["robots"]
         assert {each["endpoint"] for each in found} == {first, second}
@@ -243,12 +243,12 @@ def test_two_held_robots_whose_router_starts_later_go_on_and_grant_nothing_new()
         controller("qp12", *QUIET, at=places[1]) as second,
     ):
         for law in (first, second):
-            law.hear("following robot")
+            law.wait_for("following robot")
         with closing(_router(router)):
             for side in (one, other):
-                told = side.hear(r"2 robots on this network are called 'hoap3': (.*)")[1]
+                told = side.wait_for(r"2 robots on this network are called 'hoap3': (.*)")[1]
                 assert all(place in told for place in places)
-                side.hear("name conflict")
+                side.wait_for("name conflict")
             found = inside("status", "--connect", router, "--json").json()["robots"]
             assert {each["endpoint"] for each in found} == set(places)
             assert {each["mode"] for each in found} == {"active"}
@@ -257,7 +257,7 @@ def test_two_held_robots_whose_router_starts_later_go_on_and_grant_nothing_new()
                 hoap3.connect("hoap3", router)
             assert all(place in str(refused.value) for place in places)
             with Command("controller", "qp12", *QUIET, "--set", f"link={_client(router)}") as third:
-                told = third.hear(r"2 robots on this network .*Waiting until one is left")[0]
+                told = third.wait_for(r"2 robots on this network .*Waiting until one is left")[0]
                 assert all(place in told for place in places)
             done = inside("stop", "hoap3", "--connect", router, "--json").json()["robots"]
             assert {each["endpoint"] for each in done} == set(places)

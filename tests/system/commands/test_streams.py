@@ -282,10 +282,12 @@ def test_an_end_in_full_motion_is_orderly(tmp_path):
     for side in ("emulator", "controller"):  # a busy machine may be silent for longer than a lease
         patient += ["--set", f"{side}.link.lease_ms=60000"]
     with Command("run", "--duration", PATIENCE_S, "--json", "--out", folder, *patient) as run:
-        first = int(run.hear(r"following robot 'hoap3' from tick (\d+)")[1])
+        first = int(run.wait_for(r"following robot 'hoap3' from tick (\d+)")[1])
         reset = r"controller: tick (\d+): reset"
-        if int(run.hear(reset)[1]) < first:  # what comes before does not count, if anything does
-            run.hear(reset, 2)
+        if (
+            int(run.wait_for(reset)[1]) < first
+        ):  # what comes before does not count, if anything does
+            run.wait_for(reset, 2)
         code = run.end(signal.SIGINT)
         check(run, code, signal.SIGINT, folder, {0, 1})
     summary = run.json()
@@ -297,7 +299,7 @@ def test_an_end_in_full_motion_is_orderly(tmp_path):
 @pytest.mark.slow
 def test_nothing_survives_a_killed_run(tmp_path):
     with Command("run", "--duration", PATIENCE_S, "--out", tmp_path / "log") as run:
-        run.hear(r"following robot")
+        run.wait_for(r"following robot")
         assert len(run.family()) == 4  # two services, an observer beside each
         assert run.end(signal.SIGKILL) == -signal.SIGKILL
         run.assert_no_orphan()

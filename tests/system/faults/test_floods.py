@@ -142,7 +142,7 @@ def test_the_controller_is_back_after_its_connection_has_fallen_silent() -> None
         for _ in range(TIMES):
             wait_for_mode("active", at)
             relay.hold()
-            robot.hear(r"holder lost \(epoch \d+\)", len(needed) + 1)
+            robot.wait_for(r"holder lost \(epoch \d+\)", len(needed) + 1)
             needed.append(back(at, law))
         assert max(needed) < BACK_S, needed
         assert law.end(signal.SIGTERM) == 0

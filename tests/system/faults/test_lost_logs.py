@@ -38,7 +38,7 @@ from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.services import record
 
 LIMITED = on_path(HOUSE / "tests" / "support" / "other_machine")
-LOST = "the {}'s log is not whole: {}; `hoap3 record --repair` mends what there is"
+LOST = "the {}'s log is not whole: {}; `hoap3 record --repair` repairs what is left"
 PATIENT_RUN = ("--set", "emulator.misses_to_stop=100000")
 
 
@@ -69,7 +69,7 @@ def test_a_folder_that_is_deleted_while_a_service_runs(tmp_path, side):
         wait_for_mode("active", at)
         shutil.rmtree(out)
         loser = robot if side == "robot" else law
-        loser.hear(rf"{side}'s log is not whole: .* was deleted while it was written")
+        loser.wait_for(rf"{side}'s log is not whole: .* was deleted while it was written")
         wait_for_ticks(at, 100)  # both go on
         assert law.end(signal.SIGTERM) == (side == "controller")
         assert robot.end(signal.SIGTERM) >= (side == "robot")  # or the task is not done
@@ -85,7 +85,7 @@ def test_a_folder_that_is_deleted_while_somebody_records_into_it(tmp_path):
         emulator("hoap3", *QUIET, at=at),
         Command("record", "--connect", at, "--out", out) as recorder,
     ):
-        recorder.hear("recording robot")
+        recorder.wait_for("recording robot")
         shutil.rmtree(out)
         assert recorder.end() == 1
         assert_no_traceback(recorder)
@@ -100,7 +100,7 @@ def test_a_killed_observer_of_a_service(tmp_path, side):
         wait_for_mode("active", at)
         loser, other = (robot, law) if side == "robot" else (law, robot)
         os.kill(observer_of(loser, f"{side}.mcap", at), signal.SIGKILL)
-        loser.hear(f"{side}'s log is not whole: its observer was killed by signal 9")
+        loser.wait_for(f"{side}'s log is not whole: its observer was killed by signal 9")
         wait_for_ticks(at, 100)
         assert law.end(signal.SIGTERM) == (side == "controller")
         assert robot.end(signal.SIGTERM) >= (side == "robot")  # or the task is not done
@@ -113,14 +113,14 @@ def test_a_killed_observer_of_a_service(tmp_path, side):
 def test_a_killed_observer_in_a_run_costs_less_than_a_second_of_log(side, tmp_path):
     folder = tmp_path / "log"
     with Command("run", "--duration", 3, *PATIENT_RUN, "--json", "--out", folder) as run:
-        at = run.hear(r"is alive at (\S+)")[1]
+        at = run.wait_for(r"is alive at (\S+)")[1]
         wait_for_ticks(at, 300)
         killed = time.monotonic_ns()
         observer = observer_of(run, f"{side}.mcap", at)
         os.kill(observer, signal.SIGKILL)
         wait_for_end(observer)
         lost = LOST.format(side, "its observer was killed by signal 9")
-        run.hear(lost)
+        run.wait_for(lost)
         wait_for_ticks(at, 300)  # the loop has not noticed
         assert run.end() == 1
         run.assert_no_orphan()
@@ -133,14 +133,14 @@ def test_a_killed_observer_in_a_run_costs_less_than_a_second_of_log(side, tmp_pa
     errors = [line for line in run.stderr.splitlines() if line.startswith("error:")]
     assert errors == [f"error: {lost}"]
     assert not Log.open(folder, side="controller").truncated
-    assert_it_can_be_mended(folder / "robot.mcap", killed)
+    assert_it_can_be_repaired(folder / "robot.mcap", killed)
 
 
-def assert_it_can_be_mended(damaged: Path, killed: int) -> None:
+def assert_it_can_be_repaired(damaged: Path, killed: int) -> None:
     assert Log.open(damaged).truncated
-    mended = hoap3("record", "--repair", damaged, "--json")
-    assert mended.end() == 0, mended.stderr
-    report = mended.json()
+    repaired = hoap3("record", "--repair", damaged, "--json")
+    assert repaired.end() == 0, repaired.stderr
+    report = repaired.json()
     assert not report["whole"]
     whole = Path(report["out"])
     with whole.open("rb") as stream:
@@ -182,12 +182,12 @@ def test_commands_skip_a_damaged_chunk_and_say_so(tmp_path):
     assert again.json()["identical"]
     assert again.json()["missing"]
 
-    mended = inside("record", "--repair", path, "--json").json()
-    assert mended["dropped_bytes"] == 0
-    assert mended["damaged"]
-    assert np.array_equal(Log.open(mended["out"]).states()["tick"], ticks)
-    assert inside("replay", mended["out"], "--json").json()["gap"] == last
-    assert inside("export", mended["out"], "--to", out).code == 1
+    repaired = inside("record", "--repair", path, "--json").json()
+    assert repaired["dropped_bytes"] == 0
+    assert repaired["damaged"]
+    assert np.array_equal(Log.open(repaired["out"]).states()["tick"], ticks)
+    assert inside("replay", repaired["out"], "--json").json()["gap"] == last
+    assert inside("export", repaired["out"], "--to", out).code == 1
 
 
 def test_a_flood_neither_fills_memory_nor_keeps_it_from_stopping(tmp_path, monkeypatch):

@@ -58,8 +58,8 @@ def test_a_full_disk_costs_the_log_alone(tmp_path):
         controller("qp12", *QUIET, at=at) as law,
     ):
         assert "LOG_LOST" in (event["event"] for event in connection.events(PATIENCE_S))
-        robot.hear("robot's log is not whole: No space left on device")
-        robot.hear(r"tick \d+: log lost \(No space left on device")
+        robot.wait_for("robot's log is not whole: No space left on device")
+        robot.wait_for(r"tick \d+: log lost \(No space left on device")
         wait_for_ticks(at, 200)
         assert robot.end(signal.SIGTERM) == 1
         assert robot.stderr.count("log is not whole") == 1
@@ -82,7 +82,7 @@ def test_a_folder_that_becomes_read_only_costs_the_log_from_the_next_file_on(tmp
         observer_of(robot, "robot.mcap", at)  # which begins when it gets a processor
         out.chmod(0o555)
         assert "LOG_LOST" in (event["event"] for event in connection.events(PATIENCE_S))
-        robot.hear("robot's log is not whole: .*Permission denied")
+        robot.wait_for("robot's log is not whole: .*Permission denied")
         wait_for_ticks(at, 200)
         assert robot.end(signal.SIGTERM) == 1
         assert len(robot.json()["log_lost"]) == 1
@@ -104,7 +104,7 @@ def test_an_observer_without_descriptors_writes_on_and_serves_who_waits(tmp_path
     kept = dict.fromkeys(("robot", "controller"), QUIET) | {side: watched}
     with followed(at, robot=(*PATIENT, *kept["robot"]), law=kept["controller"]) as (robot, law):
         service = robot if side == "robot" else law
-        service.hear("metrics at")
+        service.wait_for("metrics at")
         wait_for_mode("active", at)
         observer = observer_of(service)
         before = use_up_descriptors(observer)
@@ -133,7 +133,7 @@ def test_a_controller_without_descriptors_follows_its_robot_and_then_finds_anoth
             robot.end()
         with emulator("hoap3", *QUIET, *PATIENT, at=at) as robot:
             resource.prlimit(law.process.pid, resource.RLIMIT_NOFILE, before)
-            law.hear("following robot", times=2)
+            law.wait_for("following robot", times=2)
             wait_for_mode("active", at)
             robot.end(signal.SIGTERM)
         assert law.end(signal.SIGTERM) == 0

@@ -90,7 +90,7 @@ def assert_killed(kind: str, at: str, cpu: FakeCpu, after_s: float, begun: str) 
     """Killed so long after its start, or after a word of it, a service leaves nothing."""
     with refused(kind, at, cpu) as service:
         if begun:
-            service.hear(begun)
+            service.wait_for(begun)
         if not service.ended_within(after_s):
             service.end(signal.SIGKILL)
         service.assert_no_orphan()
@@ -106,7 +106,7 @@ def test_a_refused_service_ends_and_leaves_nothing(at: str, cpu: FakeCpu, kind: 
 def test_a_service_whose_cpu_is_kept_awake_is_killed_and_leaves_nothing(cpu: FakeCpu) -> None:
     words = ("hoap3", *WATCHED)
     with emulator(*words, at=endpoint(), environment=cpu.environment) as robot:
-        robot.hear("CPU 0: kept awake")
+        robot.wait_for("CPU 0: kept awake")
         assert cpu.setting == "n/a"
         robot.end(signal.SIGKILL)
         robot.assert_no_orphan()

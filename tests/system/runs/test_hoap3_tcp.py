@@ -72,10 +72,10 @@ def test_the_robot_ends_where_it_does_over_zenoh(order, slots, over_zenoh, tmp_p
     place, folder = Place(order, slots), tmp_path / "run"
     words = "hoap3", "--lockstep", "--duration", "2", "--out", folder, *place.words
     with Command("emulator", *words) as robot:
-        robot.hear("is alive at")
+        robot.wait_for("is alive at")
         with Command("controller", "qp12", "--out", folder, *place.words) as law:
             assert robot.end() == 0, robot.stderr
-            law.hear("is gone")
+            law.wait_for("is gone")
             assert law.end(15) == 0, law.stderr
             assert_no_traceback(law)
     assert_no_traceback(robot)
@@ -135,7 +135,7 @@ def test_another_program_has_its_500_exchanges(how, order, driver, tmp_path):
     place, folder = Place(order, 21), tmp_path / "run"
     patient = "--set", "misses_to_stop=100000"
     with Command("emulator", "hoap3", how, "--out", folder, *patient, *place.words) as robot:
-        robot.hear("is alive at")
+        robot.wait_for("is alive at")
         ports = [str(port) for port in place.ports]
         words = [*driver, *ports, order, "21", "1"]
         done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=120)
@@ -157,7 +157,7 @@ def test_another_program_has_its_500_exchanges(how, order, driver, tmp_path):
 def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(sent, tmp_path):
     place, folder, frame = Place("paper", 21), tmp_path / "run", struct.Struct("<21d")
     with Command("emulator", "hoap3", "--lockstep", "--out", folder, *place.words) as robot:
-        robot.hear("is alive at")
+        robot.wait_for("is alive at")
         with socket.create_connection(("127.0.0.1", place.ports[0])) as first:
             first.sendall(struct.pack("<2d", 1, 100))
             client = socket.create_connection(("127.0.0.1", place.ports[1]))
@@ -167,7 +167,7 @@ def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(sent, 
                 client.sendall(frame.pack(counts[0] + 10, *counts[1:]))
             client.recv(frame.size, socket.MSG_WAITALL)
             client.sendall(frame.pack(*counts)[:sent])
-        robot.hear("AT_REST|at rest|has gone")
+        robot.wait_for("AT_REST|at rest|has gone")
         robot.end(15)
     log = Log.open(folder, side="robot")
     assert_at_rest(log)

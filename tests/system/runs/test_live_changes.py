@@ -163,7 +163,7 @@ def told(arm_at: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, l
         emulator(*robot, "--out", folder, at=arm_at) as arm,
         controller("ghc", *START, "--out", folder, at=arm_at) as law,
     ):
-        law.hear("following robot")
+        law.wait_for("following robot")
         wait_for_mode("active", arm_at, "lwr")
         wait_for(arm_at, REST_S)
         answers = [

@@ -52,7 +52,7 @@ def run(folder: Path) -> Iterator[Command]:
     patient = ("--set", "emulator.misses_to_stop=100000")  # busy machines miss many
     words = ("--duration", TICKS / 1000, "--json", "--out", folder, *patient)
     with Command("run", *words) as command:
-        command.hear("following robot")
+        command.wait_for("following robot")
         command.listens = census(command)
         assert command.end() in {0, 1}
         yield command
@@ -219,7 +219,7 @@ def test_services_and_tools_listen_on_loopback_only(tmp_path):
         followed(at, robot=QUIET) as (robot, law),
         Command("record", "hoap3", "--connect", at, "--out", tmp_path / "log") as record,
     ):
-        record.hear("recording")
+        record.wait_for("recording")
         assert census(robot) == {"127.0.0.1"}
         for client in (law, record):
             assert_loopback_only(census(client))

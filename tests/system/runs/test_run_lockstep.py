@@ -277,7 +277,7 @@ def pair(apart: Path) -> tuple[Command, Command]:
     words = ("hoap3", "--lockstep", "--duration", "1", "--set", f"seed={PAIR_SEED}", "--out", apart)
     with emulator(*words, at=at) as robot, controller("qp12", "--out", apart, at=at) as law:
         assert robot.end() == 0, robot.stderr
-        law.hear("is gone")
+        law.wait_for("is gone")
         assert law.end(signal.SIGTERM) == 0, law.stderr
         assert_no_traceback(robot)
         assert_no_traceback(law)

@@ -55,20 +55,20 @@ def robot(at: str) -> Iterator[Command]:
 
 def test_one_controller_commands_until_it_gives_authority_back(robot, at):
     with controller("qp12", *QUIET, at=at) as first:
-        first.hear("following robot")
+        first.wait_for("following robot")
         holder = wait_for_mode("active", at)["holder"]
         assert str(first.process.pid) in holder
         with controller("pinv", *QUIET, at=at) as second:
             assert second.end() == 1
         (error,) = [line for line in second.stderr.splitlines() if line.startswith("error:")]
         assert f"{holder!r}" in error
-        robot.hear(r"refused \(epoch \d+ holds it\)")
+        robot.wait_for(r"refused \(epoch \d+ holds it\)")
         assert tell("status", at)["holder"] == holder
         assert_stop_latches_until_recover(robot, first, at)
         assert first.end(signal.SIGTERM) == 0
         assert_no_traceback(first)
         first.assert_no_orphan()
-    robot.hear(r"braking \(released\)")
+    robot.wait_for(r"braking \(released\)")
     assert wait_for_mode("idle", at)["holder"] is None
     with following("pinv", *QUIET, at=at) as next_one:  # without `recover`
         assert next_one.end(signal.SIGTERM) == 0
@@ -77,8 +77,8 @@ def test_one_controller_commands_until_it_gives_authority_back(robot, at):
 
 def assert_stop_latches_until_recover(robot: Command, law: Command, at: str) -> None:
     assert tell("stop", at)["mode"] in {"stopping", "stopped"}
-    robot.hear(r"braking \(command\)")
-    law.hear("waits to be recovered")
+    robot.wait_for(r"braking \(command\)")
+    law.wait_for("waits to be recovered")
     wait_for_mode("stopped", at)
     again = hoap3("recover", "--connect", at)
     assert again.end() == 0
@@ -120,11 +120,11 @@ def test_a_frozen_controller_is_stopped_after_so_many_misses(tmp_path):
     with followed(at, robot=("--set", f"misses_to_stop={THRESHOLD}", "--out", out)) as (robot, law):
         wait_for_mode("active", at)
         law.send(signal.SIGSTOP)
-        robot.hear(r"safe stop \(misses\)")
-        robot.hear(r"holder lost \(epoch \d+\)")
+        robot.wait_for(r"safe stop \(misses\)")
+        robot.wait_for(r"holder lost \(epoch \d+\)")
         assert tell("status", at)["holder"] is None
         law.send(signal.SIGCONT)
-        law.hear(rf"following robot .*`hoap3 recover hoap3 --connect {at}`")
+        law.wait_for(rf"following robot .*`hoap3 recover hoap3 --connect {at}`")
         status = tell("status", at)
         assert (status["mode"], status["stop_reason"]) == ("stopped", "misses")
         assert tell("recover", at)["recovered"]
@@ -149,14 +149,14 @@ def test_a_killed_controller_and_its_successor(tmp_path):
     at, out = endpoint(), tmp_path / "robot"
     nowhere = ("--set", "realtime.watch_stalls=[1023]")
     with emulator("hoap3", *PATIENT, *nowhere, "--out", out, at=at) as robot:
-        robot.hear("CPU 1023: stalls are not watched, which takes SCHED_FIFO 99")
+        robot.wait_for("CPU 1023: stalls are not watched, which takes SCHED_FIFO 99")
         with following("qp12_paper", *QUIET, at=at) as first:
             assert first.end(signal.SIGKILL) == -signal.SIGKILL
-            robot.hear(r"safe stop \((misses|holder lost)\)")
+            robot.wait_for(r"safe stop \((misses|holder lost)\)")
             status = wait_for_mode("stopped", at)
             first.assert_no_orphan()
         with controller("qp12_paper", *QUIET, at=at) as second:
-            second.hear("following robot")
+            second.wait_for("following robot")
             status = tell("status", at)
             assert str(second.process.pid) in status["holder"]
             assert status["mode"] == "stopped"
@@ -204,23 +204,23 @@ def test_a_controller_that_a_robot_does_not_list_says_so_while_it_waits(tmp_path
         emulator("hoap3", *QUIET, "--secure", tmp_path / "hoap3", at=at),
         controller("qp12", *QUIET, "--secure", tmp_path / "qp", at=at) as law,
     ):
-        law.hear(r"waiting for robot 'hoap3'.*access\.yaml must list 'qp' as controller")
+        law.wait_for(r"waiting for robot 'hoap3'.*access\.yaml must list 'qp' as controller")
         assert law.end(signal.SIGTERM) == 0
 
 
 def test_the_controller_waits_for_its_robot_and_for_its_return():
     at = endpoint()
     with controller("qp12", *QUIET, at=at) as law:
-        law.hear("waiting for robot 'hoap3'")
+        law.wait_for("waiting for robot 'hoap3'")
         with emulator("hoap3", *QUIET, *PATIENT, at=at) as first:
-            law.hear("following robot")
+            law.wait_for("following robot")
             wait_for_mode("active", at)
             assert first.end(signal.SIGKILL) == -signal.SIGKILL
             first.assert_no_orphan()
-            law.hear("robot 'hoap3' is gone")
-            law.hear("waiting for robot 'hoap3'", 2)
+            law.wait_for("robot 'hoap3' is gone")
+            law.wait_for("waiting for robot 'hoap3'", 2)
         with emulator("hoap3", *QUIET, *PATIENT, at=at) as second:
-            law.hear("following robot", 2)
+            law.wait_for("following robot", 2)
             wait_for_mode("active", at)
             assert law.end(signal.SIGTERM) == 0
             wait_for_mode("idle", at)

@@ -108,7 +108,7 @@ def test_a_controller_drives_whom_strangers_do_not_reach(networks, tmp_path):
         emulator("hoap3", *QUIET, *PATIENT, *robot, at=at, wrapper=networks.robot) as ours,
         controller("qp12", *QUIET, *law, at=at, wrapper=networks.field) as theirs,
     ):
-        theirs.hear("following robot")
+        theirs.wait_for("following robot")
         before = tell("status", "otto")
         assert before["holder"].startswith("qp.")
         assert from_field(networks, "doors", PLACE, certs, other) == LETS_IN

@@ -74,12 +74,12 @@ def test_a_holder_that_is_revoked_goes_and_nobody_else_notices(certs, at, tmp_pa
                 file.write_text(access.to_yaml(), encoding="utf-8")
                 for _ in until_tick(seen, begins[-1] + 2 * HALF):
                     continue
-            ours.hear("lets in no longer: anna", RELOADS // 2)
+            ours.wait_for("lets in no longer: anna", RELOADS // 2)
             assert seen.status()["mode"] == "active"
             revoked = seen.status()["tick"]
             revoke(certs, "qp")
-            ours.hear("lets in no longer: qp")
-            ours.hear(r"holder lost \(epoch \d+\)")
+            ours.wait_for("lets in no longer: qp")
+            ours.wait_for(r"holder lost \(epoch \d+\)")
             assert seen.status()["holder"] is None
             gone = seen.status()["tick"]
             for _ in until_tick(seen, gone + HALF):  # on the connection that it had before
@@ -110,7 +110,7 @@ def test_a_holder_whose_certificate_ends_goes_and_stays_away(certs, at):
             assert link.presence.wait(PATIENCE_S)
             while b'"granted": true' not in (link.ask("acquire") or b""):
                 assert datetime.now(UTC) < ends, "it took too long"
-            ours.hear(r"holder lost \(epoch \d+\)")
+            ours.wait_for(r"holder lost \(epoch \d+\)")
             assert datetime.now(UTC) >= ends
             assert link.ask("acquire") is None
             gone = seen.status()["tick"]

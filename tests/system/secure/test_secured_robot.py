@@ -88,10 +88,10 @@ def test_with_an_operators_certificate_a_page_moves_the_robot_and_stops_it(secur
         goes_to(robot, pen, HOME)
         assert pen.act(verb="release")["error"] is None
         assert pen.act(verb="stop")["error"] is None
-        assert pen.hear("frame", mode="stopped")
+        assert pen.wait_for("frame", mode="stopped")
         assert pen.act(verb="recover")["error"]  # an admin does that
         robot.recover()
-        assert pen.hear("frame", mode="active")
+        assert pen.wait_for("frame", mode="active")
 
 
 def test_with_an_observers_certificate_a_page_sees_all_and_does_nothing(secured, certs):
@@ -102,11 +102,11 @@ def test_with_an_observers_certificate_a_page_sees_all_and_does_nothing(secured,
     ):
         assert pen.prove()
         place = hand(robot.state())
-        shown = pen.hear("frame")
+        shown = pen.wait_for("frame")
         assert len(shown["q"]) == robot.description.n
         for do in DEEDS:
             told = pen.act(**do)
             assert told["error"], json.dumps(do)
         assert_stays(robot, place)
         assert robot.changeable()["tasks"]["hand"]["gain_per_s"] == 10.0
-        assert pen.hear("frame")["tick"] > shown["tick"]
+        assert pen.wait_for("frame")["tick"] > shown["tick"]

@@ -47,8 +47,8 @@ def test_both_sides_serve_figures_that_grow(tmp_path: Path) -> None:
         controller("qp12", *QUIET, "--set", f"metrics.port={ports[1]}", at=at) as law,
     ):
         wait_for_mode("active", at)
-        robot.hear("metrics at http://127.0.0.1")
-        law.hear("metrics at http://127.0.0.1")
+        robot.wait_for("metrics at http://127.0.0.1")
+        law.wait_for("metrics at http://127.0.0.1")
         before = scrape(ports[0])
         wait_for_ticks(at, 500)
         after = scrape(ports[0])
@@ -78,7 +78,7 @@ def test_a_port_that_is_taken_costs_the_metrics_alone() -> None:
         ) as robot,
         controller("qp12", *QUIET, at=at) as law,
     ):
-        robot.hear("metrics are not served: Address already in use")
+        robot.wait_for("metrics are not served: Address already in use")
         wait_for_mode("active", at)
         wait_for_ticks(at, 200)
         assert robot.end(signal.SIGTERM) == 1
@@ -92,7 +92,7 @@ def test_a_robot_with_a_certificate_serves_its_end(tmp_path: Path) -> None:
     certs, at, port = laboratory(tmp_path, "hoap3"), endpoint().replace("tcp/", "tls/"), free_port()
     words = ("--secure", certs / "hoap3", "--set", f"metrics.port={port}")
     with emulator("hoap3", *QUIET, *words, at=at) as robot:
-        robot.hear("metrics at http://127.0.0.1")
+        robot.wait_for("metrics at http://127.0.0.1")
         ends = read_credentials(certs / "hoap3").expires.timestamp()
         assert scrape(port)["hoap3_certificate_expiry_seconds"] == ends
         assert robot.end(signal.SIGTERM) == 0

@@ -59,7 +59,7 @@ def test_a_soak_tells_of_every_process_and_leaves_its_results_beside_the_logs(tm
 
 def test_a_soak_that_somebody_ends_tells_what_was_measured(tmp_path: Path):
     with soak(1, tmp_path) as command:
-        command.hear("measured since")
+        command.wait_for("measured since")
         assert not command.ended_within(3.0)  # some of the rounds, each 1 s after the one before
         code = command.end(signal.SIGINT)
     found = command.json()
@@ -71,7 +71,7 @@ def test_a_soak_that_somebody_ends_tells_what_was_measured(tmp_path: Path):
 
 def test_a_controller_that_dies_is_told_with_what_was_measured_until_then(tmp_path: Path):
     with soak(1, tmp_path) as command:
-        command.hear("measured since")
+        command.wait_for("measured since")
         (pid,) = [pid for pid, words in command.family().items() if "controller" in words]
         os.kill(pid, signal.SIGKILL)
         code = command.end()

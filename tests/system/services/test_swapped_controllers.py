@@ -29,7 +29,7 @@ SWAPPED = ("qp12", "pinv", "stable_qp")
 def turn(name: str, at: str) -> None:
     """A controller commands the robot for a while, and gives it back."""
     with controller(name, *QUIET, at=at) as command:
-        command.hear("following robot")
+        command.wait_for("following robot")
         wait_for_ticks(at, TICKS)
         assert command.end(signal.SIGTERM) == 0
         assert_no_traceback(command)

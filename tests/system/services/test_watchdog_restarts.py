@@ -48,7 +48,7 @@ def test_a_controller_that_stalls_is_ended_and_restarted_while_its_robot_rests(t
         emulator("hoap3", *QUIET, "--set", "misses_to_stop=50", at=at) as robot,
     ):
         with controller("qp12", *QUIET, at=at, environment=under(systemd)) as law:
-            law.hear("following robot")
+            law.wait_for("following robot")
             assert systemd.wait_for(lambda: systemd.count("READY=1") == 1)
             systemd.wait_for_more("WATCHDOG=1", 3)
             law.send(signal.SIGSTOP)  # its loop hangs; its observer does not
@@ -56,7 +56,7 @@ def test_a_controller_that_stalls_is_ended_and_restarted_while_its_robot_rests(t
             assert tell("status", at)["mode"] == "stopped"  # long since
             kill_as_systemd_does(law)
         with controller("qp12", *QUIET, at=at, environment=under(systemd)) as law:
-            law.hear("which does not move")  # the stop is latched
+            law.wait_for("which does not move")  # the stop is latched
             systemd.wait_for_more("WATCHDOG=1", 2)
             tell("recover", at)
             wait_for_mode("active", at)
@@ -73,7 +73,7 @@ def test_a_robot_that_stalls_is_ended_and_restarted_and_followed_again(tmp_path)
         controller("qp12", *QUIET, at=at) as law,
     ):
         with emulator("hoap3", *QUIET, *PATIENT, at=at, environment=under(systemd)) as robot:
-            law.hear("following robot")
+            law.wait_for("following robot")
             assert systemd.wait_for(lambda: systemd.count("READY=1") == 1)
             systemd.wait_for_more("WATCHDOG=1", 3)
             assert systemd.wait_for(
@@ -83,7 +83,7 @@ def test_a_robot_that_stalls_is_ended_and_restarted_and_followed_again(tmp_path)
             systemd.wait_for_silence("WATCHDOG=1", WATCHDOG_S)
             kill_as_systemd_does(robot)
         with emulator("hoap3", *QUIET, *PATIENT, at=at, environment=under(systemd)) as robot:
-            law.hear("following robot", times=2)
+            law.wait_for("following robot", times=2)
             systemd.wait_for_more("WATCHDOG=1", 2)
             robot.end(signal.SIGTERM)
             assert_no_traceback(robot)
@@ -98,7 +98,7 @@ def test_a_service_whose_observer_was_killed_is_still_pinged_for(tmp_path):
     ):
         systemd.wait_for_more("WATCHDOG=1", 2)
         os.kill(observer_of(robot), signal.SIGKILL)
-        robot.hear("its observer was killed by signal 9")
+        robot.wait_for("its observer was killed by signal 9")
         systemd.wait_for_more("WATCHDOG=1", 8)
         robot.send(signal.SIGSTOP)
         systemd.wait_for_silence("WATCHDOG=1", WATCHDOG_S)

@@ -56,7 +56,7 @@ def page(law: Any, at: str) -> Iterator[Any]:
     """One that has the token, and steers."""
     with ExitStack() as stack:
         view = stack.enter_context(Command("view", ROBOT, "--connect", at, "--port", 0))
-        address = view.hear(r"http://\S+", stream="stdout")[0]
+        address = view.wait_for(r"http://\S+", stream="stdout")[0]
         browser = stack.enter_context(chromium())
         found = browser.new_page(viewport={"width": 800, "height": 600})
         found.goto(address)
@@ -168,10 +168,10 @@ def test_gamma_by_slider_is_in_the_log(tmp_path: Path) -> None:
         controller("qp12", "--out", log, at=at) as law,
         Command("view", "hoap3", "--connect", at, "--port", 0) as view,
     ):
-        law.hear("following robot")
+        law.wait_for("following robot")
         wait_for_mode("active", at)
         page = browser.new_page(viewport={"width": 800, "height": 600})
-        page.goto(view.hear(r"http://\S+", stream="stdout")[0])
+        page.goto(view.wait_for(r"http://\S+", stream="stdout")[0])
         page.wait_for_function("() => window.hoap3?.proved && hoap3.drawn.length > 3")
         change_number(page, "gamma", "0.8")
         assert law.end(2) == 0
@@ -212,14 +212,14 @@ def test_a_state_is_on_the_screen_within_three_pictures_of_a_replay(tmp_path: Pa
         emulator("ur5", *PATIENT, at=at),
         controller("steered_ur5", "--out", log, at=at) as law,
     ):
-        law.hear("following robot")
+        law.wait_for("following robot")
         wait_for_mode("active", at, "ur5")
         with Command("view", "ur5", "--connect", at, "--port", 0) as view:
-            live = pictures(browser, view.hear(r"http://\S+", stream="stdout")[0])
+            live = pictures(browser, view.wait_for(r"http://\S+", stream="stdout")[0])
         wall_ms = (time.time_ns() - time.monotonic_ns()) / 1e6  # of a stamp, as the page tells time
         law.end(2)
         with Command("view", str(log), "--port", 0) as view:
-            replayed = pictures(browser, view.hear(r"http://\S+", stream="stdout")[0])
+            replayed = pictures(browser, view.wait_for(r"http://\S+", stream="stdout")[0])
     took = np.array([each["shown_ms"] - each["stamp_ns"] / 1e6 - wall_ms for each in live])
     interval = np.median(intervals_ms(replayed))
     p50, p95 = np.percentile(took, [50, 95])
@@ -260,7 +260,7 @@ def test_ten_minutes_are_there_soon_and_are_pulled_through(tmp_path):
         page = browser.new_page(viewport={"width": 640, "height": 480}, device_scale_factor=0.25)
         begin = time.monotonic()
         with Command("view", str(log), "--port", 0) as view:
-            page.goto(view.hear(r"http://\S+", stream="stdout")[0])
+            page.goto(view.wait_for(r"http://\S+", stream="stdout")[0])
             page.wait_for_function("() => window.hoap3?.drawn.length > 0")
             opened_s = time.monotonic() - begin
             pictures = page.evaluate(PULL, [PULLED_S, PULL_MS])

@@ -43,7 +43,7 @@ def test_a_frame_is_forward_kinematics_of_the_state_that_it_names(home, host, to
         seen = {}
         for _ in range(60):
             pen.beat()
-            frame = pen.hear("frame")
+            frame = pen.wait_for("frame")
             seen[frame["tick"]] = frame
         assert pen.act(verb="drop")["error"] is None
         pen.act(verb="release")
@@ -60,7 +60,7 @@ def test_a_frame_has_the_q_of_the_state_of_its_tick(home, host, at):
         listener = session.declare_subscriber(
             network.state_key(ROBOT), lambda sample: payloads.append(bytes(sample.payload))
         )
-        frames = [pen.hear("frame") for _ in range(40)]
+        frames = [pen.wait_for("frame") for _ in range(40)]
         listener.undeclare()
     states = {}
     for payload in payloads:
@@ -83,7 +83,7 @@ def test_a_greeting_tells_what_can_be_steered_and_changed(host):
         assert keys["tasks.hand.gain_per_s"]["value"] == 10.0
         assert keys["tasks.hand.gain_per_s"]["lower"] == 0.0
         assert "ghc_velocity" in pen.hello["config"]
-        frame = pen.hear("frame")
+        frame = pen.wait_for("frame")
         assert frame["mode"] == "active"
         assert frame["frames"][0]["name"] == "hand"
         assert frame["values"]["success_rate"] is not None
@@ -92,11 +92,11 @@ def test_a_greeting_tells_what_can_be_steered_and_changed(host):
 def test_a_drag_moves_the_tool_there(home, host, token, robot):
     with page(host, token) as pen:
         steer(pen)
-        assert pen.hear("frame", operator="me")
+        assert pen.wait_for("frame", operator="me")
         goes_to(robot, pen, FAR)
         goes_to(robot, pen, HOME)
         pen.act(verb="release")
-        assert pen.hear("frame", operator="none")
+        assert pen.wait_for("frame", operator="none")
 
 
 @pytest.mark.long  # it needs the machine for itself
@@ -108,8 +108,8 @@ def test_a_velocity_moves_the_tool_along(home, host, token, robot):
         while (moved := hand(robot.state()) - before)[1] < 0.03:
             word = pen.act(verb="velocity", name="hand", values=[0.0, 0.1, 0.0])
             assert word["error"] is None
-            pen.hear("frame")
-            pen.hear("frame")
+            pen.wait_for("frame")
+            pen.wait_for("frame")
         drove_s = time.monotonic() - began
         pen.act(verb="drop")
         pen.act(verb="release")
@@ -124,7 +124,7 @@ def test_a_number_is_changed_and_all_pages_are_told(home, host, token):
         assert pen.act(verb="change", what={key: 12.0}, over_s=0.01)["error"] is None
         value = 10.0
         while value != 12.0:  # soon after the change, or when all is asked for again
-            told = other.hear("changed")
+            told = other.wait_for("changed")
             value = {each["key"]: each["value"] for each in told["changeable"]}[key]
         assert pen.act(verb="change", what={key: -1.0})["error"]
         pen.act(verb="change", what={key: 10.0}, over_s=0.01)
@@ -135,7 +135,7 @@ def test_stop_stops_and_recover_lets_it_move_again(home, host, token, at):
         assert pen.prove()
         assert pen.act(verb="stop")["error"] is None
         wait_for_mode("stopped", at, ROBOT)
-        assert pen.hear("frame", mode="stopped")
+        assert pen.wait_for("frame", mode="stopped")
         assert pen.act(verb="recover")["error"] is None
         wait_for_mode("active", at, ROBOT)
         assert pen.act(verb="recover")["error"]  # it is not stopped
@@ -148,12 +148,12 @@ def test_after_a_stop_while_a_page_drags_others_may_steer(home, host, token, rob
         assert pen.act(verb="stop")["error"] is None
         wait_for_mode("stopped", at, ROBOT)
         pen.act(verb="target", name="hand", values=HOME)  # it drags on
-        pen.hear("frame", operator="none")
+        pen.wait_for("frame", operator="none")
         for _ in range(300):
             try:
                 robot.acquire(timeout_s=-1.0)
             except UsageError:
-                pen.hear("frame")
+                pen.wait_for("frame")
             else:
                 break
         else:
@@ -194,12 +194,12 @@ def test_who_does_not_know_the_token_moves_nothing(home, host, token, robot, at)
             for do in deeds:
                 assert pen.act(**do)["error"]
         replayed.say(**proof)
-        assert not replayed.hear("proved")["ok"]
+        assert not replayed.wait_for("proved")["ok"]
         for word in recorded:
             replayed.say(**word)
-            assert replayed.hear("told", id=word["id"])["error"]
+            assert replayed.wait_for("told", id=word["id"])["error"]
         for _ in range(15):
-            frame = missing.hear("frame")
+            frame = missing.wait_for("frame")
     assert frame["operator"] == "none"
     assert tell("status", at, ROBOT)["mode"] == "active"
     assert np.linalg.norm(hand(robot.state()) - before) < 1e-4
@@ -227,7 +227,7 @@ def test_without_steering_pages_only_look(viewed, at):
         assert "#" not in url
         with page(url.removeprefix("http://").rstrip("/")) as pen:
             assert not pen.hello["writes"]
-            assert pen.hear("frame")
+            assert pen.wait_for("frame")
         assert command.end(signal.SIGTERM) == 0
         assert "Traceback" not in command.stderr
 
@@ -273,7 +273,7 @@ def test_a_page_that_is_closed_while_it_drags_lets_go(home, host, token, robot):
         pen.act(verb="target", name="hand", values=FAR)
         for _ in range(15):  # half a second: it moves
             pen.beat()
-            pen.hear("frame")
+            pen.wait_for("frame")
         since = robot.state()
     took, place = until_rest(robot, since)
     print(f"closed: at rest after {took:.3f} s")

@@ -68,7 +68,7 @@ class FoxgloveClient:
         data = content if isinstance(content, bytes) else json.dumps(content).encode()
         self._socket.send(struct.pack("<BI", _MESSAGE, number) + data)
 
-    def hear(self, true: Callable[[], Any], again: Callable[[], object] = lambda: None) -> None:
+    def wait_for(self, true: Callable[[], Any], again: Callable[[], object] = lambda: None) -> None:
         """Take what comes until something is true."""
         for _ in range(int(PATIENCE_S / 0.02)):
             if true():

@@ -42,15 +42,17 @@ def main() -> None:
     server = FoxgloveServer("127.0.0.1", 0)
     with FoxgloveClient(server.port) as client:
         server.begin(ROBOT, PLACE)
-        client.hear(lambda: STATES in client.channels)
+        client.wait_for(lambda: STATES in client.channels)
         gone = list(client.channels.values())
         server.begin(ROBOT, PLACE)
         client.look_at(gone)  # it has not heard yet that they are closed
-        client.hear(lambda: slow.logs.is_set() or client.status)
+        client.wait_for(lambda: slow.logs.is_set() or client.status)
         server.begin(ROBOT, PLACE)
         slow.begun.set()
         client.look_at_all()
-        client.hear(lambda: client.messages.get(STATES), lambda: server.state(state.dump(), state))
+        client.wait_for(
+            lambda: client.messages.get(STATES), lambda: server.state(state.dump(), state)
+        )
     server.close()
 
 

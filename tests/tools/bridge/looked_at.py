@@ -88,7 +88,7 @@ def assert_shows_joints(*words: object) -> None:
     """`hoap3 bridge ros2` with these words shows a ROS 2 peer joints of its robot."""
     at, seen = endpoint(), list[zenoh.Sample]()
     with Command("bridge", "ros2", *words, "--listen", at) as command:
-        command.hear("is there")
+        command.wait_for("is there")
         with open_session(LinkSettings(connect=(at,))) as peer:
             peer.declare_subscriber("0/joint_states/**", seen.append)
             until(lambda: len(seen) > 20)

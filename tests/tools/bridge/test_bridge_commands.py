@@ -40,6 +40,6 @@ def test_it_says_that_no_robot_is_there_waits_and_ends_in_order(kind: str) -> No
     place = ("--port", "0") if kind == "foxglove" else ("--listen", endpoint())
     nowhere = f"tcp/127.0.0.1:{free_port()}"
     with Command("bridge", kind, *place, "--connect", nowhere) as bridge:
-        bridge.hear("waiting")
+        bridge.wait_for("waiting")
         assert not bridge.ended_within(0.5)
         assert_ends(bridge, signal.SIGTERM)

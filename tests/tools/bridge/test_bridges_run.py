@@ -41,7 +41,7 @@ def at() -> Iterator[str]:
 def bridge(at: str, *words: str) -> Iterator[int]:
     """`hoap3 bridge foxglove` of the robot; its port."""
     with Command("bridge", "foxglove", ROBOT, "--connect", at, "--port", 0, *words) as command:
-        found = command.hear(r"ws://127\.0\.0\.1:(\d+)")
+        found = command.wait_for(r"ws://127\.0\.0\.1:(\d+)")
         yield int(found[1])
         assert_ends(command, signal.SIGINT)
 
@@ -73,24 +73,24 @@ def tool() -> tuple[Kinematics, tuple[int, int]]:
 def test_a_client_that_publishes_moves_nothing_without_steer_and_the_tool_with_it(at: str) -> None:
     with bridge(at) as port, FoxgloveClient(port) as client:
         client.look_at_all()
-        client.hear(lambda: client.messages.get(f"/robots/{ROBOT}/setpoint"))
+        client.wait_for(lambda: client.messages.get(f"/robots/{ROBOT}/setpoint"))
         began = np.array(client.decoded_newest(STATES).q)
         client.advertise("/clicked_point", POINT)
         for _ in range(3):
             client.publish(clicked(PLACE))
-        client.hear(lambda: any("clientPublish" in each for each in client.status))
+        client.wait_for(lambda: any("clientPublish" in each for each in client.status))
         seen = len(client.messages[STATES])
-        client.hear(lambda: len(client.messages[STATES]) > seen + 60)
+        client.wait_for(lambda: len(client.messages[STATES]) > seen + 60)
         assert np.abs(np.array(client.decoded_newest(STATES).q) - began).max() < 1e-4
     with bridge(at, "--steer") as port, FoxgloveClient(port) as client:
         client.look_at_all()
-        client.hear(lambda: client.messages.get(STATES))
+        client.wait_for(lambda: client.messages.get(STATES))
         assert off(client, PLACE) > 0.02
         client.advertise("/clicked_point", POINT)
         client.publish(clicked(ELSEWHERE, "wrist_3_link"))
-        client.hear(lambda: any("wrist_3_link" in each for each in client.status))
+        client.wait_for(lambda: any("wrist_3_link" in each for each in client.status))
         client.publish(clicked(PLACE))
-        client.hear(lambda: off(client, PLACE) < 1e-3)
+        client.wait_for(lambda: off(client, PLACE) < 1e-3)
         with hoap3.connect(ROBOT, at) as other, pytest.raises(UsageError):
             other.acquire()
         client.drop()
@@ -111,7 +111,7 @@ def acquires(robot: Any) -> bool:
 def test_no_more_than_100_states_a_second_are_shown(at: str) -> None:
     with bridge(at) as port, FoxgloveClient(port) as client:
         client.look_at_all()
-        client.hear(lambda: len(client.messages.get(STATES, ())) > 100)
+        client.wait_for(lambda: len(client.messages.get(STATES, ())) > 100)
     ticks = [State.scalars(payload, "tick")[0] for payload in client.messages[STATES]]
     assert len(ticks) / (ticks[-1] - ticks[0]) < 0.1  # of the robot's milliseconds
 
@@ -128,7 +128,7 @@ def test_a_robot_that_is_killed_and_starts_again_is_seen_again() -> None:
         runs = []
         for _ in range(2):
             with emulator(ROBOT, *QUIET, at=place) as robot:
-                client.hear(lambda: newest_run(client) not in {None, *runs})
+                client.wait_for(lambda: newest_run(client) not in {None, *runs})
                 runs.append(newest_run(client))
                 robot.send(signal.SIGKILL)
                 robot.end()

@@ -63,14 +63,14 @@ def test_a_client_lists_all_channels_and_decodes_each(robot, client):
     event.kind, event.tick = Event.schema.constants["RECOVERED"], 5
     topics = {f"{HERE}/{leaf}" for leaf in ("state", "setpoint", "events", "joint_states")}
     topics |= {"/robot_description", "/tf"}
-    client.hear(lambda: client.channels.keys() >= topics)
+    client.wait_for(lambda: client.channels.keys() >= topics)
     assert client.channels.keys() == topics
 
     def say() -> None:
         for message in (robot.state(q=q), robot.setpoint(), event):
             robot.say(message)
 
-    client.hear(lambda: client.messages.keys() >= topics, say)
+    client.wait_for(lambda: client.messages.keys() >= topics, say)
     for topic in topics:
         for decode in (client.decoded, client.decoded_by_rosbags):
             assert len(decode(topic)) == len(client.messages[topic]), topic
@@ -86,7 +86,7 @@ def test_a_client_lists_all_channels_and_decodes_each(robot, client):
 
 def test_states_are_the_bytes_that_the_robot_sent(robot, client):
     sent, seen = list[bytes](), client.messages.setdefault(f"{HERE}/state", [])
-    client.hear(lambda: len(seen) > 5, lambda: sent.append(robot.say(robot.state())))
+    client.wait_for(lambda: len(seen) > 5, lambda: sent.append(robot.say(robot.state())))
     assert set(seen) <= set(sent)
 
 
@@ -96,7 +96,7 @@ def test_who_comes_later_is_given_the_description(server, at):
         for _ in range(2):
             with FoxgloveClient(server.port) as client:
                 client.look_at_all()
-                client.hear(lambda: client.messages.get("/robot_description"))
+                client.wait_for(lambda: client.messages.get("/robot_description"))
 
 
 @pytest.mark.slow
@@ -123,7 +123,7 @@ def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(server, at):
         assert "waiting" in told[0]
         for session, description in ((7, ROBOT), (8, ROBOT), (9, other)):
             with LookedAt(description, at, session) as robot:
-                client.hear(
+                client.wait_for(
                     partial(shows, client, robot), lambda robot=robot: robot.say(robot.state())
                 )
 
@@ -164,26 +164,26 @@ def renamed_joint(description: RobotDescription) -> RobotDescription:
 
 def test_what_is_no_message_of_this_robot_is_not_shown(robot, client):
     topic = f"{HERE}/state"
-    client.hear(lambda: client.messages.get(topic), lambda: robot.say(robot.state()))
+    client.wait_for(lambda: client.messages.get(topic), lambda: robot.say(robot.state()))
     wrong = State(ROBOT.n + 1)
     wrong.session_id = robot.session_id
     for _ in range(3):
         robot.say(wrong)
         robot.say(Event())  # which is read behind it, and shown
         heard = len(client.messages.get(f"{HERE}/events", ()))
-        client.hear(lambda heard=heard: len(client.messages.get(f"{HERE}/events", ())) > heard)
+        client.wait_for(lambda heard=heard: len(client.messages.get(f"{HERE}/events", ())) > heard)
     last = robot.state(q=1.0)
-    client.hear(lambda: client.messages[topic][-1] == last.dump(), lambda: robot.say(last))
+    client.wait_for(lambda: client.messages[topic][-1] == last.dump(), lambda: robot.say(last))
     assert wrong.dump() not in client.messages[topic]
 
 
 def test_a_client_that_publishes_is_refused(server):
     with FoxgloveClient(server.port) as client:
-        client.hear(lambda: client.info)
+        client.wait_for(lambda: client.info)
         assert client.info["capabilities"] == []
         client.advertise("/clicked_point", "geometry_msgs/PointStamped")
         client.publish({"point": {"x": 0.0, "y": 0.0, "z": 0.0}})
-        client.hear(lambda: len(client.status) >= 2)
+        client.wait_for(lambda: len(client.status) >= 2)
     assert "clientPublish" in client.status[0]
 
 
@@ -193,14 +193,14 @@ def test_a_client_that_reads_nothing_holds_up_nobody(server, robot, client):
     with FoxgloveClient(server.port) as stuck:
         stuck.look_at_all()
         for each in (stuck, client):
-            each.hear(lambda each=each: each.messages.get("/robot_description"))
+            each.wait_for(lambda each=each: each.messages.get("/robot_description"))
         topic, sent = f"{HERE}/state", 20_000  # more than sockets and the queue can hold
         for _ in range(sent):
             state = robot.state()
             server.state(state.dump(), state)
         for each in (client, stuck):
             last = robot.state().dump()
-            each.hear(
+            each.wait_for(
                 lambda each=each, last=last: last in each.messages.get(topic, ())[-9:],
                 lambda last=last: server.state(last, state),
             )

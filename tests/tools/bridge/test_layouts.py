@@ -57,7 +57,7 @@ def live() -> Iterator[Messages]:
             for message in (robot.state(), robot.setpoint(), Event()):
                 robot.say(message)
 
-        client.hear(lambda: len(client.messages) == 6, say)
+        client.wait_for(lambda: len(client.messages) == 6, say)
         yield {topic: client.decoded_newest(topic) for topic in client.channels}
 
 

@@ -28,17 +28,17 @@ def test_foxglove_steers_with_an_operators_certificate_alone(name, secured, cert
     with (
         Command("bridge", "foxglove", ROBOT, *words) as command,
         hoap3.connect(ROBOT, secured, secure=certs / "otto") as robot,
-        FoxgloveClient(int(command.hear(r"ws://127\.0\.0\.1:(\d+)")[1])) as client,
+        FoxgloveClient(int(command.wait_for(r"ws://127\.0\.0\.1:(\d+)")[1])) as client,
     ):
         place = hand(robot.state())
         client.look_at_all()
-        client.hear(lambda: client.messages.get(STATES))
+        client.wait_for(lambda: client.messages.get(STATES))
         client.advertise("/clicked_point", "geometry_msgs/PointStamped")
         client.publish(CLICKED)
         if name == "anna":
             goes(robot, FAR)
         else:
-            client.hear(lambda: client.status)
+            client.wait_for(lambda: client.status)
             assert_stays(robot, place)
         assert_ends(command, signal.SIGINT)
 

@@ -77,9 +77,9 @@ def test_one_wrong_byte_costs_its_chunk_and_no_other(
     report = repair(path)
     assert (report.whole, report.dropped_bytes) == (False, 0)
     assert report.damaged == log.missing
-    mended = Log.open(report.out)
-    assert list(mended.records()) == list(log.records())
-    assert mended.missing == log.missing
+    repaired = Log.open(report.out)
+    assert list(repaired.records()) == list(log.records())
+    assert repaired.missing == log.missing
     with report.out.open("rb") as stream:
         assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) > 1000
 

@@ -49,7 +49,7 @@ def test_of_two_that_overlap_the_last_one_lets_it_sleep(setting, tmp_path):
     assert setting.read_text() == "40"
 
 
-def test_what_a_killed_one_left_is_mended_by_the_next(setting, tmp_path):
+def test_what_a_killed_one_left_is_repaired_by_the_next(setting, tmp_path):
     code = (
         "import os, pathlib, signal, sys\n"
         "from hoap3.tools.machine.cpu_idle import kept_awake\n"

@@ -61,8 +61,8 @@ def soaked(
         for place, time in enumerate(TIMES):
             rounds.add(time, {name: told[name][place] for name in names})
     watch.scrapes = 2 * len(TIMES)
-    watch.hear(live(0))
-    watch.hear(live(5_000_000))
+    watch.receive(live(0))
+    watch.receive(live(5_000_000))
     return watch
 
 
@@ -113,7 +113,7 @@ def test_a_process_that_ends_early_is_found_and_a_run_that_fails():
 @pytest.mark.parametrize("moved", [{"stamp_intended": 0}, {"tick": 0}])
 def test_a_schedule_that_moves_is_found(moved):
     watch = soaked()
-    watch.hear(live(6_000_000, **moved))
+    watch.receive(live(6_000_000, **moved))
     found = judge(watch, BEGIN_S, SUMMARY, CAP)
     assert found["verdicts"]["phase"] == "fail"
     assert found["phase"]["drift_ns"] > 0
@@ -122,21 +122,21 @@ def test_a_schedule_that_moves_is_found(moved):
 @pytest.mark.parametrize(("mode", "begins"), [(State.IDLE, False), (State.STOPPED, True)])
 def test_a_soak_begins_once_the_robot_is_not_idle_any_more(mode, begins):
     watch = Watch(Plan(END_S, BEGIN_S), {}, PERIOD_NS, lambda _: None)
-    watch.hear({})
-    watch.hear(live(3, mode=mode))
+    watch.receive({})
+    watch.receive(live(3, mode=mode))
     assert watch.began == begins
 
 
 def test_one_nanosecond_of_drift_is_one():
     watch = soaked()
     late = live(6_000_000)
-    watch.hear({**late, "stamp_intended": late["stamp_intended"] + 1})
+    watch.receive({**late, "stamp_intended": late["stamp_intended"] + 1})
     assert watch.drift_ns == 1
 
 
 def test_a_robot_that_began_anew_is_found():
     watch = soaked()
-    watch.hear(live(0, session_id=2, stamp_intended=9_000_000_123))
+    watch.receive(live(0, session_id=2, stamp_intended=9_000_000_123))
     assert watch.drift_ns == 0
     assert verdicts(watch)["phase"] == "fail"
 

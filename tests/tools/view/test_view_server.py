@@ -95,7 +95,7 @@ def test_a_page_is_greeted_and_then_shown_frames(served):
     with page(served.host) as seen:
         assert seen.hello["robot"] == "still"
         assert seen.hello["writes"]
-        ticks = [seen.hear("frame")["tick"] for _ in range(5)]
+        ticks = [seen.wait_for("frame")["tick"] for _ in range(5)]
         assert ticks == sorted(set(ticks))
     with page(served.host) as other:
         assert other.nonce != seen.nonce
@@ -104,10 +104,10 @@ def test_a_page_is_greeted_and_then_shown_frames(served):
 @pytest.mark.slow
 def test_no_more_than_30_frames_a_second_are_sent(served):
     with page(served.host) as seen:
-        first = seen.hear("frame")
+        first = seen.wait_for("frame")
         begin = time.monotonic()
         for _ in range(45):
-            last = seen.hear("frame")
+            last = seen.wait_for("frame")
         took = time.monotonic() - begin
     assert last["tick"] - first["tick"] >= 45
     assert took >= 44 / server_module.RATE_HZ
@@ -132,24 +132,24 @@ def test_what_was_recorded_is_of_no_use(served, pen):
     word = {"kind": "act", "id": 1, "mac": pen.mac(1, text), "do": text}
     proof = {"kind": "prove", "proof": pen.code(pen.nonce + pen.origin)}
     pen.say(**word)
-    assert pen.hear("told", id=1)["error"] is None
+    assert pen.wait_for("told", id=1)["error"] is None
     pen.say(**word)
-    assert pen.hear("told", id=1)["error"]
+    assert pen.wait_for("told", id=1)["error"]
     changed = {**word, "id": 2}
     pen.say(**changed)
-    assert pen.hear("told", id=2)["error"]
+    assert pen.wait_for("told", id=2)["error"]
     with page(served.host) as thief:
         thief.say(**proof)
-        assert not thief.hear("proved")["ok"]
+        assert not thief.wait_for("proved")["ok"]
         thief.say(**word)
-        assert thief.hear("told", id=1)["error"]
+        assert thief.wait_for("told", id=1)["error"]
     assert len(served.operator.done) == 1
 
 
 def test_beats_count_for_who_knows_the_token(served):
     with page(served.host, served.token) as pen:
         pen.beat()
-        pen.hear("told", id=1)
+        pen.wait_for("told", id=1)
         assert not served.operator.beats
         pen.prove()
         pen.beat()
@@ -160,7 +160,7 @@ def test_beats_count_for_who_knows_the_token(served):
 def test_targets_are_taken_in_their_order_however_fast_they_come(served, pen):
     numbers = [pen.send(verb="target", name="hand", values=[i, 0, 0]) for i in range(100)]
     for number in numbers:
-        assert pen.hear("told", id=number)["error"] is None
+        assert pen.wait_for("told", id=number)["error"] is None
     assert [do["values"][0] for do in served.operator.done] == list(range(100))
 
 
@@ -195,9 +195,9 @@ WRONG = (
 def test_a_word_that_is_none_is_answered_and_nothing_ends(served, word):
     with page(served.host, served.token) as pen:
         pen.socket.send(word)
-        assert pen.hear("told")["error"]
+        assert pen.wait_for("told")["error"]
         pen.socket.send(b"\x00\xff")
-        assert pen.hear("told")["error"]
+        assert pen.wait_for("told")["error"]
         assert pen.prove()
         assert pen.act(verb="stop")["error"] is None
 
@@ -205,7 +205,7 @@ def test_a_word_that_is_none_is_answered_and_nothing_ends(served, word):
 @pytest.mark.parametrize("do", ["[]", "7", '{"verb": ["stop"]}', "{}", '{"verb": "dance"}'])
 def test_a_deed_that_is_none_is_answered(served, pen, do):
     pen.say(kind="act", id=1, mac=pen.mac(1, do), do=do)
-    assert pen.hear("told", id=1)["error"]
+    assert pen.wait_for("told", id=1)["error"]
 
 
 def closed(pen: PagePen) -> None:
@@ -232,7 +232,7 @@ def test_a_page_that_says_nothing_but_nonsense_is_cut_off_and_others_are_not(ser
             large.socket.send("x" * (server_module.MESSAGE_BYTES + 1))
             closed(large)
         assert other.prove()
-        assert other.hear("frame")
+        assert other.wait_for("frame")
 
 
 def test_no_more_pages_than_the_server_serves(served):
@@ -250,10 +250,10 @@ def open_pages(host: str, left: int) -> None:
 def test_a_page_that_takes_nothing_gets_the_newest_frame_and_no_queue(served):
     served.source.padding = "x" * 600_000
     with page(served.host, max_queue=1) as slow, page(served.host) as quick:
-        slow.hear("frame")
+        slow.wait_for("frame")
         for _ in range(40):  # more than sockets hold
-            newest = quick.hear("frame")
-        ticks = [slow.hear("frame")["tick"] for _ in range(20)]
+            newest = quick.wait_for("frame")
+        ticks = [slow.wait_for("frame")["tick"] for _ in range(20)]
         assert max(b - a for a, b in pairwise(ticks)) > 1
         assert ticks[-1] > newest["tick"]
 
@@ -262,10 +262,10 @@ def test_what_can_be_said_otherwise_is_said_again(served):
     with page(served.host) as seen:
         served.source.greeting = {"robot": "other"}
         served.source.version += 1
-        again = seen.hear("hello")
+        again = seen.wait_for("hello")
         assert (again["robot"], again["nonce"]) == ("other", seen.nonce)
         served.source.said.append({"kind": "event", "label": "it fell"})
-        assert seen.hear("event")["label"] == "it fell"
+        assert seen.wait_for("event")["label"] == "it fell"
 
 
 def test_without_a_token_pages_only_look():
@@ -275,7 +275,7 @@ def test_without_a_token_pages_only_look():
             assert not pen.hello["writes"]
             assert not pen.prove()
             assert pen.act(verb="stop")["error"]
-            assert pen.hear("frame")["operator"] == "none"
+            assert pen.wait_for("frame")["operator"] == "none"
 
 
 def test_a_port_that_is_taken_is_said_to_be():
@@ -295,7 +295,7 @@ def test_a_port_that_is_taken_is_said_to_be():
 def test_a_number_that_json_does_not_have_is_null_and_the_server_goes_on(served):
     with page(served.host, served.token) as pen:
         served.source.extra = {"com": [0.0, math.nan, -math.inf], "values": {"v": math.inf}}
-        while "com" not in (frame := pen.hear("frame")):
+        while "com" not in (frame := pen.wait_for("frame")):
             pass
         assert frame["com"] == [0.0, None, None]
         assert frame["values"] == {"v": None}
@@ -311,15 +311,15 @@ def test_whatever_fails_to_be_shown_is_told_once_and_stop_works(served, part, mo
     with page(served.host, served.token) as pen:
         monkeypatch.setattr(served.source, part, fails)
         served.source.version += 1
-        assert "broken" in pen.hear("event")["label"]
+        assert "broken" in pen.wait_for("event")["label"]
         assert pen.prove()
         assert pen.act(verb="stop")["error"] is None
         monkeypatch.undo()
         if part == "hello":
-            assert pen.hear("hello")["robot"] == "still"
-        pen.hear("frame")
+            assert pen.wait_for("hello")["robot"] == "still"
+        pen.wait_for("frame")
         tick = served.source.tick
-        while pen.hear("frame")["tick"] < tick + 5:
+        while pen.wait_for("frame")["tick"] < tick + 5:
             pass
         assert not [label for label in pen.events[1:] if "broken" in label]
 
@@ -334,10 +334,10 @@ class BrokenPlayer:
 def test_a_place_of_a_log_that_cannot_be_read_ends_nothing(served, monkeypatch):
     monkeypatch.setattr(served.source, "player", BrokenPlayer)
     with page(served.host) as broken:
-        assert "no such chunk" in broken.hear("event")["label"]
+        assert "no such chunk" in broken.wait_for("event")["label"]
     monkeypatch.undo()
     with page(served.host) as seen:
-        assert seen.hear("frame")
+        assert seen.wait_for("frame")
 
 
 def test_whatever_fails_when_it_is_done_is_answered(served, pen, monkeypatch):
@@ -360,7 +360,7 @@ def test_what_was_asked_of_an_old_picture_is_refused(served, pen, verb, monkeypa
     monkeypatch.setattr(page_module, "OLD_S", 60.0)
     old = pen.look()
     assert pen.act(verb=verb)["error"] is None
-    while pen.hear("frame")["tick"] == old:
+    while pen.wait_for("frame")["tick"] == old:
         pass
     assert pen.act(verb=verb, tick=old)["error"] is None
     monkeypatch.setattr(page_module, "OLD_S", 0.0)  # so long ago was it replaced at least
@@ -380,7 +380,7 @@ def test_the_newest_picture_is_not_old_however_long_nothing_comes(served, monkey
         assert silent.act(verb="acquire", tick=3)["error"]
         sent = iter([{"kind": "frame", "tick": 7}])
         monkeypatch.setattr(served.source, "frame", lambda: next(sent, None))
-        silent.hear("frame")
+        silent.wait_for("frame")
         assert silent.act(verb="acquire", tick=7)["error"] is None
         assert silent.act(verb="acquire", tick=None)["error"]
 
@@ -428,7 +428,7 @@ def test_who_opens_pages_all_the_time_is_refused(served, monkeypatch):
         open_pages(served.host, 12)
     while True:
         with suppress(InvalidStatus), page(served.host) as pen:
-            assert pen.hear("frame")
+            assert pen.wait_for("frame")
             return
 
 
@@ -436,17 +436,17 @@ def test_a_page_that_draws_slowly_is_sent_the_newest_frame_when_it_has_drawn(ser
     with page(served.host) as pen:
         for drawn in (0, 2, 5):
             pen.say(kind="drawn", frames=drawn)
-        first = pen.hear("frame")["tick"]
+        first = pen.wait_for("frame")["tick"]
         for _ in range(40):
             served.source.said.append({"kind": "event", "label": "a frame's time is gone"})
-            pen.hear("event")
+            pen.wait_for("event")
         pen.look()
         waits = sum(word["kind"] == "frame" for word in pen._waits)
         assert waits <= 5 + AHEAD - 1
         before = pen.tick
         pen.say(kind="drawn", frames=5 + AHEAD)
         pen._waits.clear()
-        assert pen.hear("frame")["tick"] > before + 20 > first
+        assert pen.wait_for("frame")["tick"] > before + 20 > first
 
 
 def test_bad_connections_are_one_line_and_no_traceback(capsys):

@@ -352,8 +352,8 @@ def _verdict(found: dict[str, Any]) -> Table:
         )
         if told := limited(stalls):
             table.add_row("CPU time", told)
-    guilty = ", ".join(f"{name} {count}" for name, count in found["guilty"].items())
-    table.add_row("guilty", guilty or "none: no miss")
+    stages = ", ".join(f"{name} {count}" for name, count in found["guilty"].items())
+    table.add_row("misses by stage", stages or "none: no miss")
     if found["rtt_ratio"] is not None:
         ratios = ", ".join(f"{block['ratio']:.1f}" for block in found["blocks"] if block["ratio"])
         table.add_row("RTT ÷ echo", f"{found['rtt_ratio']:.2f}, median of {ratios}")
@@ -379,7 +379,7 @@ def _worst(ticks: list[dict[str, Any]]) -> Table:
     table = Table(box=None, pad_edge=False, title="longest round trips, us", title_justify="left")
     for name in ("block", "tick", "RTT"):
         table.add_column(name, justify="right")
-    for name in ("outcome", "guilty", "its three longest stages"):
+    for name in ("outcome", "attributed to", "its three longest stages"):
         table.add_column(name)
     for tick in ticks:
         stages = sorted(tick["stages_us"].items(), key=lambda pair: -pair[1])[:3]

@@ -90,11 +90,11 @@ def soak(
     watch = Watch(plan, doors, round(description.period_s * 1e9), say)
     places: list[str] = []
 
-    def hear(message: Message) -> None:
+    def receive(message: Message) -> None:
         if isinstance(message, RunStarts):
             places.append(message.log)
         elif isinstance(message, LiveFigures):
-            watch.hear(message.figures)
+            watch.receive(message.figures)
         on_message(message)
 
     summary: dict[str, Any] | None = None
@@ -105,7 +105,7 @@ def soak(
             controller,
             plan.duration_s,
             out,
-            hear,
+            receive,
             files,
             should_stop=should_stop,
             meanwhile=watch.look,

@@ -142,7 +142,7 @@ class Watch:
         """Whether the robot has moved."""
         return self._start_ns is not None
 
-    def hear(self, item: Mapping[str, Any]) -> None:
+    def receive(self, item: Mapping[str, Any]) -> None:
         """Take live figures; those of the robot's newest State tell its schedule."""
         if "tick" not in item:
             return

@@ -51,14 +51,14 @@ class Robot:
         assert link.ask("description") == HOAP3.to_json()
         assert link.ask("status") is not None
         assert link.ask("acquire") is not None
-        self.hear("acquire").answer({"granted": True})
+        self.wait_for("acquire").answer({"granted": True})
         return link
 
     def client(self, cycle: float = 1, check: float = 10, room: int = 0) -> socket.socket:
         """A client that is followed; `room` [bytes] is for what it has not read."""
         made = self.begin(struct.pack("<2d", cycle, check), room)
         made.settimeout(PATIENCE_S)
-        self.hear("acquire").answer({"granted": True})
+        self.wait_for("acquire").answer({"granted": True})
         return made
 
     def begin(self, data: bytes, room: int = 0) -> socket.socket:
@@ -71,7 +71,7 @@ class Robot:
             made.connect(("127.0.0.1", self.link.ports[1]))
         return made
 
-    def hear(self, verb: str) -> Request:
+    def wait_for(self, verb: str) -> Request:
         """The next request, which is of this kind."""
 
         def heard() -> bool:
@@ -155,7 +155,7 @@ def test_each_frame_answers_the_state_that_was_sent_before_it(robot: Robot) -> N
             asked = robot.frames.unpack(robot.frames.pack(posture - tick * 1e-3))
             assert np.array_equal(answer.values, asked)
     assert robot.link.counts()["overruns"] == robot.link.counts()["unasked"] == 0
-    robot.hear("gone")
+    robot.wait_for("gone")
 
 
 def test_a_client_that_speaks_first_is_sent_nothing_before() -> None:
@@ -187,7 +187,7 @@ def test_a_client_that_never_reads_holds_nothing_up(paper: Robot) -> None:
         for tick in range(5000):
             paper.publish(tick)
         assert paper.link.counts()["overruns"] == 5000 - FIFO
-    paper.hear("gone")
+    paper.wait_for("gone")
 
 
 def test_a_client_that_answers_without_reading_is_left(robot: Robot) -> None:
@@ -205,7 +205,7 @@ def test_a_client_that_answers_without_reading_is_left(robot: Robot) -> None:
                 robot.until(lambda sent=tick: served.received >= sent or not robot.link._client)
                 if legacy:
                     robot.publish(tick)
-        robot.hear("gone")
+        robot.wait_for("gone")
     assert len(robot.said) == 1
 
 
@@ -250,7 +250,7 @@ def test_who_has_exchanged_all_has_given_authority_back(robot: Robot) -> None:
             if not legacy:
                 client.sendall(robot.frames.pack(HOAP3.initial_position))
                 robot.answers(1)
-        robot.hear("release")
+        robot.wait_for("release")
         assert client.recv(1) == b""
 
 
@@ -266,7 +266,7 @@ def test_a_connection_that_is_cut_anywhere_is_survived(end: str, paper: Robot) -
             paper.publish(sent)
             client.sendall(paper.frames.pack(HOAP3.initial_position)[:sent])
             cut(client, end)
-            assert paper.hear("gone").who == f"hoap3_tcp-{sent + 1}"
+            assert paper.wait_for("gone").who == f"hoap3_tcp-{sent + 1}"
     paper.link.drain()
     with paper.client() as client:
         paper.serve(client, 1000)
@@ -278,7 +278,7 @@ def test_who_goes_after_its_last_exchange_has_given_authority_back(end: str, rob
     for _ in range(10):
         robot.state.tick += 1
         exchanged(robot, end)
-        robot.hear("release")
+        robot.wait_for("release")
     assert robot.said == []
 
 
@@ -303,7 +303,7 @@ def test_frames_that_are_too_long_are_not_followed(paper: Robot) -> None:
         paper.answers(1)
         read(client, paper.frames.size)
         assert ended(client)
-        paper.hear("gone")
+        paper.wait_for("gone")
     (said,) = paper.said
     assert "link.hoap3_tcp.slots" in said
 
@@ -322,7 +322,7 @@ def test_frames_that_are_too_short_are_named(paper: Robot, monkeypatch: pytest.M
         paper.publish(1)
         client.sendall(bytes(160))
         paper.until(lambda: any("link.hoap3_tcp.slots" in text for text in paper.said))
-    paper.hear("gone")
+    paper.wait_for("gone")
 
 
 def test_two_ends_that_wait_for_each_other_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -347,13 +347,13 @@ def test_a_robot_that_follows_no_more_ends_the_connection(paper: Robot) -> None:
         paper.state.mode = State.STOPPING
         paper.publish(2)
         assert client.recv(1) == b""
-    paper.hear("release")
+    paper.wait_for("release")
 
 
 def test_a_client_that_is_refused_authority_is_left(paper: Robot) -> None:
     with paper.begin(struct.pack("<2d", 1, 10)) as client:
         client.settimeout(PATIENCE_S)
-        paper.hear("acquire").answer({"granted": False})
+        paper.wait_for("acquire").answer({"granted": False})
         assert client.recv(1) == b""
 
 
@@ -385,7 +385,7 @@ def test_our_controller_sees_positions_and_remembers_what_it_commanded(robot: Ro
             link.publish(answer.dump())
             (came,) = robot.answers(1)
             assert np.abs(came.values - wanted).max() < 0.6 / np.abs(HOAP3.counts_per_rad).min()
-    robot.hear("gone")
+    robot.wait_for("gone")
 
 
 def test_a_silent_controller_holds_the_reference(paper: Robot) -> None:
@@ -442,7 +442,7 @@ def test_who_knocks_there_while_another_one_begins_is_not_taken_for_it(paper: Ro
         first.sendall(struct.pack("<2d", 1, 10))
         with socket.create_connection(("127.0.0.1", paper.link.ports[1])) as client:
             client.settimeout(PATIENCE_S)
-            paper.hear("acquire").answer({"granted": True})
+            paper.wait_for("acquire").answer({"granted": True})
             paper.publish(1, HOAP3.initial_position)
             assert read(client, paper.frames.size) == paper.frames.pack(HOAP3.initial_position)
 
@@ -459,8 +459,8 @@ def test_the_next_client_waits_until_the_loop_has_heard_of_the_last_one(paper: R
     reception.next_client = noted
     for _ in range(20):
         with paper.begin(struct.pack("<2d", 1, 10)):
-            paper.hear("acquire").answer({"granted": True})
-        paper.hear("gone")
+            paper.wait_for("acquire").answer({"granted": True})
+        paper.wait_for("gone")
     assert len(unheard) >= 19
     assert not any(unheard)
     assert len(paper.said) < 20
@@ -471,14 +471,14 @@ def test_a_connection_that_a_refused_client_left_is_not_the_next_ones(paper: Rob
         paper.begin(struct.pack("<2d", 0, 0)).close()
     with paper.client() as client:
         paper.serve(client, 1)
-    assert paper.hear("gone").who == "hoap3_tcp-1"
+    assert paper.wait_for("gone").who == "hoap3_tcp-1"
 
 
 def test_our_controller_waits_while_the_robot_has_another_client(paper: Robot) -> None:
     with closing(paper.controller()) as link:
         with paper.client():
             assert link.ask("description") is None
-        paper.hear("gone")
+        paper.wait_for("gone")
         assert link.ask("description") is not None
 
 
@@ -487,7 +487,7 @@ def test_our_controller_leaves_a_robot_whose_positions_are_no_numbers(paper: Rob
         paper.link._client.connection.sendall(struct.pack("<21d", *[float("nan")] * 21))
         assert link.wait() is None
         assert link.departures == 1
-    paper.hear("gone")
+    paper.wait_for("gone")
 
 
 def test_two_ports_are_two() -> None:

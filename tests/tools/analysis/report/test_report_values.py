@@ -104,7 +104,7 @@ def test_percentiles_of_a_stage_are_those_of_the_lengths_that_it_was_given(live,
         assert float(shown) == pytest.approx(value, rel=5e-3)
 
 
-def test_the_worst_tick_is_the_slow_one_and_its_stage_is_to_blame(live):
+def test_the_worst_tick_is_the_slow_one_and_its_stage_is_named(live):
     head, first, *_ = live.rows("ticks")
     assert first[0] in {"200", "400"}
     assert first[1] == "late"
