@@ -4,7 +4,8 @@
     python examples/comparing_controllers.py --robot hoap3 qp12@gamma=0 qp12@gamma=0.9 pinv
 
 Each moves a robot of its own in lockstep, from the same start. What they did is compared as
-`hoap3 compare` compares it, which writes a page with plots besides; docs/compare.md defines each
+`hoap3 compare` compares it, which writes a page with plots besides; docs/guides/measuring.md
+defines each
 figure.
 """
 
@@ -30,7 +31,7 @@ COLUMNS = {
     "task": "verdicts.task",
     "limits and balance": "verdicts.limits_and_balance",
 }
-"""What is printed, error, effort, limits and verdicts, by its key in docs/compare.md."""
+"""What is printed, error, effort, limits and verdicts, by its key in docs/guides/measuring.md."""
 
 
 def measured(controllers: Sequence[str], robot: str, duration_s: float) -> Comparison:

@@ -2,7 +2,8 @@
 
 The `.msg` files in `msg/` are the schema. For given array lengths the layout of a message is fixed,
 so a message owns one aligned buffer: arrays are views into it, scalars are packed and unpacked in
-one call. The same bytes travel over the link and go into the log. docs/wire.md gives the offsets.
+one call. The same bytes travel over the link and go into the log. Offsets:
+docs/reference/wire.md.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ CONTROLLERS = PluginGroup(
     GROUP,
     BUILTIN,
     ("hoap3.remote_controller.controllers.base:Controller",),
-    "writing_a_controller",
+    "extending",
 )
 registered, find = CONTROLLERS.registered, CONTROLLERS.find
 

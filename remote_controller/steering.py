@@ -27,7 +27,7 @@ REFUSALS = (
     "out_of_range",
     "too_fast",
 )
-"""Why a message is refused, in the order of the checks; docs/steering.md says what each means."""
+"""Why a message is refused; docs/guides/live.md explains each reason."""
 
 
 class Steering:

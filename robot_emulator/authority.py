@@ -3,7 +3,7 @@
 One holder at a time, named by an epoch that never comes back. Every step is pure: it takes the
 standing and what happened, and returns the next standing, or the same object where nothing changes.
 The robot's loop keeps the newest. `python -m tests.proofs authority` searches everything that these
-steps can lead to (docs/proofs.md).
+steps can lead to (docs/internals/proofs.md).
 """
 
 from __future__ import annotations

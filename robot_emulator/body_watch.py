@@ -17,12 +17,12 @@ FALLEN_DEG = 45.0
 
 
 class BodyWatch:
-    """Looks at each State that is published; docs/concepts.md defines its figures.
+    """Looks at each State that is published; docs/start/concepts.md defines its figures.
 
     Args:
         description: of the robot.
         q, base: the plant's own arrays, which it fills in place: (n,) [rad or m]; and (13,) as
-            docs/wire.md has it, or (0,) without a free base.
+            docs/reference/wire.md has it, or (0,) without a free base.
     """
 
     def __init__(self, description: RobotDescription, q: FloatArray, base: FloatArray) -> None:

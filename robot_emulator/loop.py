@@ -185,7 +185,7 @@ class RobotLoop:
         self._recorder.record(Kind.SUMMARY, self._clock.now(), summary)
 
     def summary(self) -> dict[str, object]:
-        """What the robot counted; docs/concepts.md defines each figure."""
+        """What the robot counted; docs/start/concepts.md defines each figure."""
         return {
             **self._counts(),
             "conflicting": self.validator.conflicting,
@@ -449,7 +449,7 @@ class RobotLoop:
             self._unrecorded = b""
 
     def _serve(self, request: Request) -> None:
-        """Answer a request, and record it; docs/wire.md has the answers."""
+        """Answer a request, and record it; docs/reference/wire.md has the answers."""
         answer = self._answer(request)
         request.answer(answer)
         verb = request.verb if request.verb in VERBS else OTHER

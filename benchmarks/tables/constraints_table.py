@@ -1,4 +1,4 @@
-"""A table of docs/choosing.md: `python -m benchmarks.tables.constraints_table` regenerates it."""
+"""Write the table of constraints in docs/guides/controllers.md."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hoap3.remote_controller.registry import of_constraints
 
 BEGIN = "<!-- constraints: written by `python -m benchmarks.tables.constraints_table` -->\n"
 END = "<!-- end of constraints -->\n"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "choosing.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "controllers.md"
 
 
 def serves(controller: str, constraint: str) -> bool:

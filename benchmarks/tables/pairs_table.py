@@ -1,4 +1,4 @@
-"""The table of docs/robots.md: `python -m benchmarks.tables.pairs_table` regenerates it."""
+"""Write the table of robots and controllers in docs/guides/robots.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COLUMNS = {
 
 BEGIN = "<!-- pairs: written by `python -m benchmarks.tables.pairs_table` -->\n"
 END = "<!-- end of pairs -->\n"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "robots.md"
 
 
 def table() -> str:

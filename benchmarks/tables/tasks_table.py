@@ -1,4 +1,4 @@
-"""Table of docs/writing_a_task.md: `python -m benchmarks.tables.tasks_table` regenerates it."""
+"""Write the table of tasks in docs/guides/extending.md."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hoap3.remote_controller.tasks.lyapunov import Level, LyapunovFunction
 
 BEGIN = "<!-- tasks: written by `python -m benchmarks.tables.tasks_table` -->\n"
 END = "<!-- end of tasks -->\n"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "writing_a_task.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "extending.md"
 OWN_ERROR, OWN_V = "your own error", "your own V, without an error"
 
 

@@ -1,4 +1,4 @@
-"""The picture of docs/gains.md: constant gains come to a halt, those with a proof do not."""
+"""The picture of docs/theory/sdp.md: constant gains come to a halt, those with a proof do not."""
 
 from __future__ import annotations
 

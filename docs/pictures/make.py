@@ -18,12 +18,8 @@ from matplotlib.figure import Figure
 
 FOLDER = Path(__file__).parent
 DRAWN = (
-    *(objective.gamma, objective.norms, objective.gamma_units, objective.adaptive),
-    *(objective.weights, rates.rates, rates.unreachable, rates.rho),
-    *(limits.joint_velocity, limits.joint_position, limits.support_polygon, limits.zmp),
-    *(limits.distance, limits.fixed_frame, limits.half_space, limits.minimum_speed),
-    *(limits.pfaffian, moving.lemniscate, moving.circulation, moving.descent, moving.behind),
-    *(ranks.priorities, gains.gains),
+    *(objective.gamma, rates.rho, limits.distance),
+    *(moving.circulation, ranks.priorities, gains.gains),
 )
 PICTURES: dict[str, Callable[[], Figure]] = {draw.__name__: draw for draw in DRAWN}
 """Every picture, by the name of its file."""

@@ -1,4 +1,4 @@
-"""The picture of docs/priorities.md: a pair of tasks changes places, and nothing jumps."""
+"""The picture of docs/guides/controllers.md: a pair of tasks changes places, and nothing jumps."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import inspect
+import posixpath
 import re
 from pathlib import Path
 from typing import Any
@@ -13,22 +14,22 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 import hoap3
-from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.messages import Event, Setpoint, State, Target
 from hoap3.tools.cli.app import command_line
 from hoap3.tools.services.settings import REGISTRIES, SIDES, config_keys
 
 HOUSE = Path(__file__).resolve().parents[2]
 _SOURCE = re.compile(r'(src|srcset)="docs/')
-_LINK = re.compile(r"(!?)\[([^\]]*)\]\((\.\./|)([^)\s]+)\)")
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 SETTINGS = """# Settings
 
 Every key of every config, as `hoap3 config keys` prints them. N stands for a place in a list, from
-0; `(kind)` for the mapping whose tag says so. [Configuration](../configuration.md) says how a
-config is found and changed."""
+0; `(kind)` for the mapping with that tag. [Configuration](../guides/configuration.md) describes
+how a config is found and changed."""
 COPIED = {
     "README.md": "index.md",
-    "CONTRIBUTING.md": "contributing.md",
-    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "internals/contributing.md",
+    "CHANGELOG.md": "reference/changelog.md",
 }
 
 
@@ -47,25 +48,25 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Links to files outside docs/ become the names of these files; the copied pages' lead on."""
-    copied = page.file.src_path in COPIED.values()
-    outside = page.file.src_path.startswith("decisions/")
+    """Links to files outside docs/ become the names of these files."""
+    here = page.file.src_path
+    sources = {made: name for name, made in COPIED.items()}
+    folder = posixpath.dirname(sources.get(here, f"docs/{here}"))
 
-    def led(found: re.Match[str]) -> str:
-        picture, text, up, path = found.groups()
+    def resolved(found: re.Match[str]) -> str:
+        picture, text, path = found.groups()
         if path.startswith(("https://", "#")):
             return found[0]
-        if copied and path.startswith("docs/"):
-            return f"{picture}[{text}]({path.removeprefix('docs/')})"
         name, hash_, anchor = path.partition("#")
-        if (copied or up) and name in COPIED:
-            return f"[{text}]({COPIED[name]}{hash_}{anchor})"
-        if copied or (up and (not outside or path.startswith("../"))):
-            return text if text.strip("`") in path else f"{text} (`{name.removeprefix('../')}`)"
-        return found[0]
+        target = posixpath.normpath(posixpath.join(folder, name))
+        target = f"docs/{COPIED[target]}" if target in COPIED else target
+        if target.startswith("docs/"):
+            to = posixpath.relpath(target, posixpath.dirname(f"docs/{here}"))
+            return f"{picture}[{text}]({to}{hash_}{anchor})"
+        return text if text.strip("`") in target else f"{text} (`{target}`)"
 
-    markdown = _SOURCE.sub(r'\1="', markdown) if copied else markdown
-    return _LINK.sub(led, markdown)
+    markdown = _SOURCE.sub(r'\1="', markdown) if here == "index.md" else markdown
+    return _LINK.sub(resolved, markdown)
 
 
 def commands() -> str:
@@ -110,10 +111,10 @@ def settings() -> str:
 
 def messages() -> str:
     """The schemas of what travels over the wire."""
-    parts = ["# Messages\n\nROS 2 CDR, little endian. [The wire](../wire.md) says how they travel."]
+    parts = ["# Messages\n\nROS 2 CDR, little endian. [The wire](wire.md) says how they travel."]
     parts += [
         f"## {message.schema.name}\n\n```text\n{message.schema.text.strip()}\n```"
-        for message in (State, Setpoint, Event)
+        for message in (State, Setpoint, Target, Event)
     ]
     return "\n\n".join(parts)
 

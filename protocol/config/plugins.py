@@ -103,7 +103,9 @@ class PluginGroup:
             raise ConfigError(file, key, name, problem, remedy)
         if hasattr(loaded, "apply") and (former := find_former_method(loaded)):
             problem = f"has the method {former.old}, which {former.problem}"
-            raise ConfigError(file, key, name, problem, f"{former.remedy} (`hoap3 help changes`)")
+            raise ConfigError(
+                file, key, name, problem, f"{former.remedy} (`hoap3 help configuration`)"
+            )
         return loaded
 
 

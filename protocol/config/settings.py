@@ -55,7 +55,7 @@ MAX_PARTS = 32  # of a dotted key
 SNIFFED = 65_536  # bytes of a file in which XML formats are recognized
 _ASSIGNED = re.compile(r'((?:"[^"]*"|[^"=])+)=')
 XML_FORMATS = {
-    "robot": ("is a URDF, not a config", "Name it as a robot, *.urdf: `hoap3 help new_robot`"),
+    "robot": ("is a URDF, not a config", "Name it as a robot, *.urdf: `hoap3 help robots`"),
     "mujoco": ("is MJCF, not URDF", "Name its URDF; plant.kind mujoco takes plant.parameters.mjcf"),
     "sdf": ("is SDF, not URDF", "Convert it, or name the vendor's URDF of this robot"),
     "COLLADA": ("is a mesh, not a URDF", "Name the URDF that names this mesh"),
@@ -197,14 +197,14 @@ class LinkSettings(Settings):
         if self.secure is None and any(re.match(r"tls/[^#]*$", place) for place in places):
             raise _unsafe(
                 "tls/ needs a certificate",
-                "Give --secure DIR, or set link.secure (`hoap3 help security`)",
+                "Give --secure DIR, or set link.secure (`hoap3 help operation`)",
             )
         open_to_all = [place for place in self.reachable if beyond_this_machine(place)]
         if open_to_all and self.secure is None and not self.insecure:
             key = "link.listen" if self.kind == "zenoh" else "link.hoap3_tcp.host"
             raise _unsafe(
                 f"with this {key} whoever reaches {open_to_all[0]} could command the robot",
-                "Use certificates: --secure DIR (`hoap3 help security`); or allow it: --insecure",
+                "Use certificates: --secure DIR (`hoap3 help operation`); or allow it: --insecure",
             )
         return self
 

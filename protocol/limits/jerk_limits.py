@@ -1,4 +1,4 @@
-"""Which acceleration a joint with a limit of jerk can be let have: docs/jerk.md proves it."""
+"""Greatest acceleration that a jerk limit allows; the proof is in docs/internals/proofs.md."""
 
 from __future__ import annotations
 

@@ -499,7 +499,7 @@ def _nothing() -> None:
 
 SAMPLED_TICKS = 16  # 62.5 Hz of a robot at 1 kHz
 _KIND, _TICK = slice(8, 12), slice(20, 28)
-"""Of a message: mode of a State, or command of a Setpoint; and the tick. See docs/wire.md."""
+"""Mode of a State or command of a Setpoint, and the tick; see docs/reference/wire.md."""
 
 
 class Sampling:

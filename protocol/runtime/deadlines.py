@@ -1,4 +1,4 @@
-"""Figures that users see, as docs/concepts.md defines them.
+"""Figures that users see, as docs/start/concepts.md defines them.
 
 Deadlines are counted by the robot itself, tick by tick; durations go into histograms with fixed
 memory, so a service can run for months.

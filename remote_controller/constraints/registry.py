@@ -43,7 +43,7 @@ CONSTRAINTS = PluginGroup(
     GROUP,
     BUILTIN,
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
-    "writing_a_constraint",
+    "extending",
 )
 registered, find = CONSTRAINTS.registered, CONSTRAINTS.find
 WORDS: dict[Level, str] = {"velocity": "velocities", "acceleration": "accelerations"}

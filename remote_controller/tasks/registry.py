@@ -40,7 +40,7 @@ TASKS = PluginGroup(
         "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
         "hoap3.remote_controller.tasks.task:Task",
     ),
-    "writing_a_task",
+    "extending",
 )
 registered, find = TASKS.registered, TASKS.find
 

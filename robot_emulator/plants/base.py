@@ -64,7 +64,7 @@ class Plant(ABC):
     """A body that advances by one period at a time.
 
     A subclass fills the arrays in place, and keeps them: the loop and the filter before the plant
-    hold on to them. `docs/plants.md` has a whole one.
+    hold on to them. `docs/guides/plants.md` has a whole one.
 
     Args:
         description: of the robot; the first of its `command_kinds` is what `step` is given.
@@ -75,7 +75,7 @@ class Plant(ABC):
         dq: measured velocities, (n,), rad/s or m/s.
         tau: measured efforts, (n,), N m or N.
         wrench: fx fy fz tx ty tz of each of the description's wrench sensors, N and N m.
-        base, contact, imu: as docs/wire.md has them, with the lengths that `declare` says.
+        base, contact, imu: as in docs/reference/wire.md, with the lengths that `declare` gives.
         start: the reference that holds it where `reset` put it, (n,): q, or beyond it by what a
             servo gives way.
         saturated: periods in which a motor was asked for more than its effort, and gave that.

@@ -18,7 +18,7 @@ class PositionServo(Plant):
     """Joints that follow a position reference: at once, or with a first-order lag.
 
     With `encoder: counts` the measurement is what an int16 encoder shows, while the reference
-    stays in double: rounding the reference itself lets a slow motion stall (docs/concepts.md).
+    stays in double: rounding the reference itself would stop a slow motion.
     A servo knows no effort and no contact: `tau` and `wrench` are zero.
     """
 

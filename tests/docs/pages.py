@@ -1,9 +1,10 @@
-"""Reads README.md and docs/*.md as far as the tests need it: blocks, spans, links.
+"""Reads README.md and the pages of docs/ as far as the tests need it: blocks, spans, links.
 
 An HTML comment directly before a fenced block says what the tests do with it:
 
     <!-- file: NAME -->          it is the content of a file
     <!-- parsed only: WHY -->    its `hoap3` commands are parsed and their settings checked
+    <!-- fragment: NAME -->      it replaces keys of that config
     <!-- not run: WHY -->        nothing
     <!-- exits: CODE -->         each of its commands ends with that code, rather than with 0
     <!-- needs: PAGE -->         the files of another page lie in the folder too
@@ -14,10 +15,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from support import HOUSE
 
-PAGES = [HOUSE / "README.md", *sorted((HOUSE / "docs").glob("*.md"))]
+PAGES = [HOUSE / "README.md", *sorted((HOUSE / "docs").glob("*/*.md"))]
 NAMES = [page.name for page in PAGES]
 
 _COMMENT = re.compile(r"<!-- (?P<word>[a-z ]+?)(?:: (?P<rest>.*))? -->")
@@ -41,9 +43,14 @@ class Block:
         return [line for line in self.text.splitlines() if line.strip()]
 
 
+def path_of(name: str) -> Path:
+    """Where a page lies, named by its file."""
+    return next(path for path in PAGES if path.name == name)
+
+
 def page(name: str) -> str:
     """Text of a page, named by its file."""
-    return next(path for path in PAGES if path.name == name).read_text(encoding="utf-8")
+    return path_of(name).read_text(encoding="utf-8")
 
 
 def blocks(name: str) -> list[Block]:

@@ -1,4 +1,4 @@
-"""docs/choosing.md: every choice runs, and every picture is what the code gives."""
+"""docs/guides/controllers.md: every choice runs, and every picture is what the code gives."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.lyapunov_qp.stable_qp import StableQpController
 from hoap3.tools.services.simulate import simulate
 
-PAGE = "choosing.md"
+PAGE = "controllers.md"
 FOLDER = HOUSE / "docs" / "pictures"
-FRAGMENTS = [b for b in blocks(PAGE) if b.language == "yaml" and not b.word]
-WHOLE = next(b for b in blocks(PAGE) if b.word == "file")
-CODE = next(b for b in blocks(PAGE) if b.language == "python")
+BLOCKS = {(b.word, b.rest): b for b in blocks(PAGE)}
+WHOLE, CODE = BLOCKS["file", "mine.yaml"], BLOCKS["file", "hands.py"]
+FRAGMENTS = [b for b in blocks(PAGE) if (b.word, b.rest) == ("fragment", "mine.yaml")]
 
 
 @pytest.fixture(autouse=True)
@@ -94,7 +94,7 @@ def differences(drawing, old, new):
 
 def test_a_changed_curve_is_noticed(studio, tmp_path):
     _, drawing = studio
-    old, new = FOLDER / "rates.svg", tmp_path / "rates.svg"
+    old, new = FOLDER / "gamma.svg", tmp_path / "gamma.svg"
     text = old.read_text(encoding="utf-8")
     assert differences(drawing, old, old) == []
     name = next(iter(drawing.data(old)))

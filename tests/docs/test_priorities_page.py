@@ -1,4 +1,4 @@
-"""docs/priorities.md: its fragments run, and what it says in figures is so."""
+"""docs/guides/controllers.md: its fragments run, and what it says in figures is so."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pages import blocks
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.services.simulate import simulate
 
-PAGE = "priorities.md"
-FRAGMENTS = [block for block in blocks(PAGE) if block.language == "yaml" and not block.word]
-WHOLE = next(block for block in blocks(PAGE) if block.word == "file")
+PAGE = "controllers.md"
+FRAGMENTS = [b for b in blocks(PAGE) if (b.word, b.rest) == ("fragment", "lift.yaml")]
+WHOLE = next(b for b in blocks(PAGE) if (b.word, b.rest) == ("file", "lift.yaml"))
 
 
 @pytest.mark.parametrize("fragment", FRAGMENTS, ids=lambda each: f"line {each.line}")
@@ -35,7 +35,7 @@ def shipped(**parameters):
     return simulate("hoap3", config, 4.0)
 
 
-def test_at_a_bound_the_centre_of_mass_gives_way_by_what_the_page_says():
+def test_at_a_bound_the_error_of_the_centre_of_mass_grows_with_the_regularisation():
     tight, loose = (shipped(regularisation=w) for w in (1e-6, 1e-4))
     waist = tight.controller.description.joint_names.index("waist_pitch")
     assert np.abs(tight.states["reference"][:, waist]).max() < 1e-6

@@ -1,4 +1,4 @@
-"""What is a valid message, written from docs/wire.md and docs/steering.md alone, with `struct`.
+"""Which messages are valid, from docs/reference/wire.md and docs/guides/live.md alone.
 
 Nothing of the product is used here, so that a mistake in its checks cannot hide.
 """
@@ -76,7 +76,7 @@ def fault(kind: str, payload: bytes) -> str:
 
 @dataclass
 class SetpointRules:
-    """Judges Setpoints as docs/wire.md says.
+    """Judges Setpoints as docs/reference/wire.md says.
 
     Attributes:
         n, session, command: of the robot.
@@ -130,7 +130,7 @@ class SetpointRules:
 
 @dataclass
 class TargetRules:
-    """Judges Targets as docs/steering.md says.
+    """Judges Targets as docs/guides/live.md says.
 
     Attributes:
         session, period_s: of the robot.

@@ -1,4 +1,4 @@
-"""The words of the loop, as docs/concepts.md defines them, on virtual time."""
+"""The words of the loop, as docs/start/concepts.md defines them, on virtual time."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def body_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return each of `_FIGURES` of a robot's summary; None where it is not complete.
 
     Args:
-        summary: as a robot of any version wrote it; docs/concepts.md has the keys.
+        summary: as a robot of any version wrote it; docs/start/concepts.md has the keys.
     """
     return {
         name: dict(summary[name]) if _whole(summary.get(name), figures) else None

@@ -18,7 +18,7 @@ SAFE_STOP, LONGEST_RUN = "safe_stop", "longest_run"
 RATE, WINDOW, NOTHING_ASKED = "success_rate", "worst_window", "nothing_asked"
 _HELP = "`hoap3 doctor` names what this machine lacks"
 _REMEDIES = {
-    "host": "use CPUs that no other machine shares (`hoap3 help realtime_rights`)",
+    "host": "use CPUs that no other machine shares (`hoap3 help operation`)",
     "rights": f"grant real-time rights; {_HELP}",
     "wakeup": _HELP,
     "network": "look for load on the link, and compare links with `hoap3 latency`",

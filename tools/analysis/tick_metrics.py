@@ -1,4 +1,4 @@
-"""Figures of ticks, as docs/latency.md defines them: of one run, or of several in a row.
+"""Figures of ticks, as docs/guides/measuring.md defines them: of one run, or of several in a row.
 
 Percentiles are nearest-rank: a value that was measured, exact.
 """

@@ -7,7 +7,7 @@ The time from the intended start of a tick to the arrival of its answer is cut i
 `wakeup` and `publish` are the robot's: until it woke, and until it had published its State.
 `wait` is how long the State waited for the controller to end an earlier cycle. The next five are
 the controller's. `network` is what remains of the RTT, both ways together: sockets, link threads,
-and all the time in which the controller could run but did not. docs/concepts.md has the words.
+and all the time in which the controller could run but did not. Terms: docs/start/concepts.md.
 
 A miss goes to the stage that exceeded its usual length by most. Where that is `wait`, it goes to
 the stage that held up the cycle for which it waited: one slow solve may cost several ticks.

@@ -85,7 +85,7 @@ def judge(
             so the deadlines of such a robot fail or are not judged.
 
     Returns:
-        `verdicts`, `deadlines`, `task` and `limits_and_balance`, as docs/concepts.md defines them;
+        `verdicts`, `deadlines`, `task` and `limits_and_balance` (docs/start/concepts.md);
         of each of the last three the `reasons`, and all of it as `text`.
     """
     timing = deadlines or unknown_deadlines(NOT_TOLD_BY_ROBOT, REASONS[NOT_TOLD_BY_ROBOT])

@@ -49,7 +49,8 @@ def show_help(
     topic: Annotated[str | None, typer.Argument(help="Its name; default: list them.")] = None,
 ) -> None:
     """Print a page of the documentation."""
-    found = files("hoap3").joinpath("docs").iterdir()
+    folders = [each for each in files("hoap3").joinpath("docs").iterdir() if each.is_dir()]
+    found = (each for folder in folders for each in folder.iterdir())
     pages = {each.name[:-3]: each for each in found if each.name.endswith(".md")}
     if topic is None:
         print_line("\n".join(sorted(pages)))

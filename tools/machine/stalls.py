@@ -86,7 +86,7 @@ def limited(found: Mapping[str, Any]) -> str:
     share = f"{found['in_step']} of the last {found['long']} that took 1 ms or more"
     return (
         f"{share} end at the same point of each 100 ms: the host limits this machine's CPU time "
-        "(`hoap3 help realtime_rights`)"
+        "(`hoap3 help operation`)"
     )
 
 

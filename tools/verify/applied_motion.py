@@ -14,7 +14,7 @@ from hoap3.tools.verify.claims import RELATIVE, Claims
 
 Rows = NDArray[np.void]
 
-STARTUP_TICKS = 200  # from the first active one, as docs/concepts.md defines a start-up step
+STARTUP_TICKS = 200  # from the first active one, as docs/start/concepts.md defines a start-up step
 SAME = 1e-12  # rad or m: a setpoint that is missed by no more was followed, but for rounding
 BEFORE = 3  # States that the differences of the first one need
 ROUNDINGS = 8  # ulp of a position, per difference

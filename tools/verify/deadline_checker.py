@@ -1,4 +1,4 @@
-"""Recounts deadlines and messages from a robot's log alone, by the definitions in docs/concepts.md.
+"""Recounts deadlines and messages from a robot's log alone, as docs/start/concepts.md defines.
 
 The log has what the robot saw in the order in which it saw it: each Setpoint with its arrival
 stamp stands before the first State whose counts it is part of.
@@ -19,7 +19,7 @@ from hoap3.protocol.robot.description import RobotDescription
 WINDOW = 100  # ticks of the success rate
 REMEMBERED = 1024  # ticks for which an answer is still known to have been asked for
 MOST = {"extra": 256, "decision": 512, "slacks": 256, "gains": 256, "next": 1024}
-"""Numbers of each array of a Setpoint that a robot takes, as docs/wire.md has it."""
+"""Numbers of each array of a Setpoint that a robot takes, as docs/reference/wire.md has it."""
 COUNTED = ("late", "lost", "duplicate", "out_of_order", "rejected", "success_rate")
 
 

@@ -28,7 +28,7 @@ FAILURES = EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]
 SUMMED = ("asked", "in_time", "longest_run")
 
 STOPS = {"rad": math.radians(0.5), "m": 1e-3}
-"""How far beyond its stops a joint counts, as docs/concepts.md has it."""
+"""How far beyond its stops a joint counts, as docs/start/concepts.md has it."""
 
 FALLEN_DEG = 45.0
 ANGLE = 1e-5  # degrees: acos next to 1 has half the digits

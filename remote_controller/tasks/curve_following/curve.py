@@ -27,7 +27,7 @@ CURVES = PluginGroup(
         "ellipse": "hoap3.remote_controller.tasks.curve_following.curve:SpaceEllipse",
     },
     ("hoap3.remote_controller.tasks.curve_following.curve:Curve",),
-    "writing_a_task",
+    "extending",
 )
 
 

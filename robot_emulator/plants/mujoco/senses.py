@@ -52,7 +52,7 @@ class Encoders:
 
 
 class Senses:
-    """Base, contact forces and inertial sensors, as docs/wire.md has them.
+    """Base, contact forces and inertial sensors, as docs/reference/wire.md has them.
 
     Contact forces and inertial sensors are those of the last integration steps, taken at the begin
     of each; forces are means over a period.

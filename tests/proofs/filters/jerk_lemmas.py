@@ -1,4 +1,4 @@
-"""The law of the filter with a limit of jerk, in real numbers; docs/jerk.md has the whole proof.
+"""Lemmas of the filter with a jerk limit, in real numbers; docs/internals/proofs.md has the proof.
 
 Units: the period, and the change of acceleration J·T of one. u and x are velocity and acceleration
 over the last period, N is the greatest acceleration. The hardest brake has x − 1, x − 2, …; after m

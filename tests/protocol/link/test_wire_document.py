@@ -1,4 +1,4 @@
-"""docs/wire.md says what the code does: its answers and its client."""
+"""docs/reference/wire.md says what the code does: its answers and its client."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import EVENTS, GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 
-PAGE = (HOUSE / "docs" / "wire.md").read_text(encoding="utf-8")
+PAGE = (HOUSE / "docs" / "reference" / "wire.md").read_text(encoding="utf-8")
 
 
 def test_numbers_on_the_wire_stay_as_they_are():

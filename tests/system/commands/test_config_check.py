@@ -109,7 +109,7 @@ def test_a_urdf_is_a_robot_and_no_config(tmp_path):
         ("config", "check", "arm.xml"),
         ("run", "--lockstep", "--robot", "arm.xml"),
     ):
-        refusal(inside(*words), "URDF", "hoap3 help new_robot")
+        refusal(inside(*words), "URDF", "hoap3 help robots")
 
 
 def test_a_schema_is_found_beside_the_current_folder(tmp_path, monkeypatch):

@@ -155,7 +155,7 @@ assert "hoap3" not in sys.modules
 
 
 def test_a_client_without_our_code_drives_the_robot(tmp_path: Path) -> None:
-    """Written from docs/wire.md, with nothing but zenoh and struct."""
+    """Written from docs/reference/wire.md, with nothing but zenoh and struct."""
     at, out = endpoint(), tmp_path / "log"
     with emulator("hoap3", *PATIENT, "--out", out, at=at) as robot:
         words = [sys.executable, "-c", CLIENT, at, "hoap3", "200"]

@@ -222,7 +222,7 @@ def messages() -> list[str]:
 
 def test_messages_name_topics_that_the_command_prints():
     topics = {topic for text in messages() for topic in re.findall(r"hoap3 help (\w+)", text)}
-    assert {"security"} < topics
+    assert {"operation"} < topics
     listed = inside("help").stdout.split()
     assert topics <= set(listed)
     for topic in topics:

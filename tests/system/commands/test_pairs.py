@@ -1,4 +1,4 @@
-"""Every pair of the table in docs/robots.md runs; those that are not in it say what does."""
+"""Every pair of the table in docs/guides/robots.md runs; those that are not in it say what does."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_the_default_run_gets_within_a_millimetre_and_stays_within_its_limits():
 
 @pytest.mark.parametrize("config", ["qp12", "stable_qp", "clik_sdp", "tsid"])
 def test_a_robot_without_a_default_task_says_where_to_write_one(config, tmp_path):
-    urdf = PAGE.parents[1] / "robot_emulator/robots/ur5/ur5.urdf"
+    urdf = PAGE.parents[2] / "robot_emulator/robots/ur5/ur5.urdf"
     (tmp_path / "ur5.urdf").write_text(urdf.read_text(encoding="utf-8"), encoding="utf-8")
     file = "name: arm\nurdf: ur5.urdf\ncommand_kinds: [position, torque]\n"
     (tmp_path / "robot.yaml").write_text(file, encoding="utf-8")

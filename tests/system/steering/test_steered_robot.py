@@ -268,7 +268,7 @@ def test_what_was_steered_is_in_the_log_and_repeated(steered):
     assert again.identical, str(again)
 
 
-PAGE = HOUSE / "docs" / "steering.md"
+PAGE = HOUSE / "docs" / "guides" / "live.md"
 DOWN = Rotation.from_quat([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 AIM = Rotation.from_rotvec([0.0, 0.4, 0.0]) * DOWN
 PLACE = np.array([-0.5, -0.15, 0.35])

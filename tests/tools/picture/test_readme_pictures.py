@@ -32,7 +32,7 @@ def test_a_moving_picture_is_small_and_goes_round_in_five_seconds(name):
 
 def test_every_picture_of_the_readme_is_there_and_no_other():
     text = (HOUSE / "README.md").read_text(encoding="utf-8")
-    text += "".join(page.read_text(encoding="utf-8") for page in (HOUSE / "docs").glob("*.md"))
+    text += "".join(page.read_text(encoding="utf-8") for page in (HOUSE / "docs").glob("*/*.md"))
     shown = set(re.findall(r"pictures/readme/([\w.]+)", text))
     there = {path.name for path in FOLDER.iterdir() if path.suffix not in {".py", ".pyc"}}
     assert shown == there - {"__pycache__"}

@@ -1,7 +1,7 @@
 """What a machine is: one small check for each thing that a 1 kHz loop in soft real time needs.
 
 A check reads, compares and advises; it changes nothing (`log_disk` writes, and deletes, a file of
-its own), and what cannot be read is never an error. docs/realtime_rights.md says what each finding
+its own), and what cannot be read is never an error. docs/guides/operation.md says what each finding
 means.
 """
 

@@ -128,7 +128,7 @@ def show(diagnosis: dict[str, Any]) -> None:
     levels = [finding["level"] for finding in diagnosis["findings"]]
     results.print(
         f"{diagnosis['verdict']}: {levels.count('problem')} problems, "
-        f"{levels.count('advice')} pieces of advice; `hoap3 help realtime_rights` explains each",
+        f"{levels.count('advice')} pieces of advice; `hoap3 help operation` explains each",
     )
 
 

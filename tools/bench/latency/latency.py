@@ -90,7 +90,7 @@ def measure_latency(
     progress: Progress = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Measure a link and the echo beside it; docs/latency.md defines each figure.
+    """Measure a link and the echo beside it; docs/guides/measuring.md defines each figure.
 
     Args:
         plan: what is measured.

@@ -1,4 +1,4 @@
-"""What a soak came to: its figures, and a verdict on each. docs/soak.md defines them.
+"""What a soak came to: its figures, and a verdict on each. docs/guides/operation.md defines them.
 
 How fast something grows is a line through it, with bounds that allow for its autocorrelation.
 """

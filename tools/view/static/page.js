@@ -189,8 +189,8 @@ function say() {
   else if (bad) words = trouble.words;
   else if (steering) words = "This page steers: drag a handle or a slider, or hold Shift to drive.";
   else if (connection.proved && page.targets?.some(canMove)) words = "Press Steer to move the robot's targets.";
-  else if (connection.proved && page.targets?.length) words = "No handle moves these targets: send them from a program, see `hoap3 help steering`.";
-  else if (connection.proved && page.frame?.holder) words = "This controller has no live target: see `hoap3 help steering`.";
+  else if (connection.proved && page.targets?.length) words = "No handle moves these targets: send them from a program, see `hoap3 help live`.";
+  else if (connection.proved && page.frame?.holder) words = "This controller has no live target: see `hoap3 help live`.";
   else if (connection.proved) words = "No controller holds the robot: there is nothing to steer yet.";
   write(at("note"), words);
   at("note").title = words;

@@ -1,4 +1,4 @@
-"""What the gains of the shipped configs reach: the figures of docs/gains.md."""
+"""What the gains of the shipped configs reach: the figures of docs/theory/sdp.md."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ UNVERIFIED = {
     *("run_rate", "worst_window", "held_back_joints", "torque_limited", "interventions"),
     *("conflicting", "realtime", "link_counts", "plant", "plant_us"),
 }
-"""Of a robot's summary, as docs/verify.md lists them."""
+"""Of a robot's summary, as docs/guides/logs.md lists them."""
 Places = Callable[[list[Record], random.Random], Any]
 
 
