@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md: its patches apply, and what they add is tested without further places."""
+"""The example patches of CONTRIBUTING.md apply, and what they add is tested at once."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from support import HOUSE
@@ -13,15 +14,12 @@ from support import HOUSE
 ROOMS = "protocol", "remote_controller", "robot_emulator", "tools", "hoap3"
 BESIDE = "benchmarks", "tests", "docs"
 TESTS = "tests/remote_controller"
-TASK, CONSTRAINT = 0, 1
+TASK, CONSTRAINT = "new_task.diff", "new_constraint.diff"
 
 
-def patch(which: int) -> str:
+def patch(name: str) -> str:
     """The patch that adds a task, or a constraint."""
-    text = (HOUSE / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    found = re.findall(r"^```diff\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE)
-    assert len(found) == 2
-    return found[which]
+    return (Path(__file__).parent / "patches" / name).read_text(encoding="utf-8")
 
 
 @pytest.fixture
