@@ -152,9 +152,7 @@ class RobotProperties(Suite):
         for _ in range(STEPS):
             after, *_ = env.step(middle + 3.0 * most * rng.normal(size=robot.n))
             place, rate = after["reference"], after["reference_rate"]
-            ulps = 8.0 * np.spacing(
-                np.abs(place)
-            )  # of a position, as docs/guides/logs.md has it
+            ulps = 8.0 * np.spacing(np.abs(place))  # of a position, as docs/guides/logs.md has it
             away = ulps if kind == "position" else 1e-9
             assert (place >= robot.lower - away).all()
             assert (place <= robot.upper + away).all()

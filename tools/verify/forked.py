@@ -6,11 +6,11 @@ import ctypes
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from typing import Generic, TypeVar
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, TypeVar, cast
 
 from hoap3.protocol.errors import LogError
 
@@ -28,38 +28,61 @@ class Forked(Generic[Result]):
 
     Args:
         work: what is computed; takes a function for progress. Its result must be picklable.
+
+    Attributes:
+        receiver: has something to read when `receive` does not have to wait.
     """
 
     def __init__(self, work: Callable[[Say], Result]) -> None:
         context = get_context("fork")
-        self._receiver, sender = context.Pipe(duplex=False)
+        self.receiver, sender = context.Pipe(duplex=False)
         self._process = context.Process(target=_run, args=(work, sender), daemon=True)
         self._process.start()
         sender.close()
 
-    def result(self, say: Say) -> Result:
-        """Wait for the result; `say` takes progress meanwhile.
+    def receive(self) -> tuple[str, Any]:
+        """Wait for what it sends next: ("progress", text), or ("result", value) at the end.
 
         Raises:
             LogError: the process ended without a result, as where memory is short.
         """
-        while True:
-            try:
-                kind, content = self._receiver.recv()
-            except EOFError:
-                self._process.join()
-                ended = f"ended (exit code {self._process.exitcode})"
-                raise LogError(f"a process that verifies the log {ended}") from None
-            if kind == "result":
-                found: Result = content
-                return found
-            say(content)
+        try:
+            found: tuple[str, Any] = self.receiver.recv()
+        except EOFError:
+            self._process.join()
+            ended = f"ended (exit code {self._process.exitcode})"
+            raise LogError(f"a process that verifies the log {ended}") from None
+        return found
 
     def end(self) -> None:
         """End the process, whatever it does."""
         self._process.kill()
         self._process.join()
-        self._receiver.close()
+        self.receiver.close()
+
+
+def gather(processes: Sequence[Forked[Result]], say: Say) -> list[Result]:
+    """Wait for the results of all processes, in their order.
+
+    Args:
+        processes: that run.
+        say: takes the progress of each as it arrives.
+
+    Raises:
+        LogError: one of them ended without a result.
+    """
+    running = {process.receiver: place for place, process in enumerate(processes)}
+    found: dict[int, Result] = {}
+    while running:
+        for receiver in wait(list(running)):
+            place = running[cast("Connection", receiver)]
+            kind, content = processes[place].receive()
+            if kind == "result":
+                found[place] = content
+                del running[cast("Connection", receiver)]
+            else:
+                say(content)
+    return [found[place] for place in range(len(processes))]
 
 
 def processors() -> int:

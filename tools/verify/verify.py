@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
 from hoap3.tools.verify.controllers.leaving import check_leaving
-from hoap3.tools.verify.forked import Forked, processors
+from hoap3.tools.verify.forked import Forked, gather, processors
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
@@ -145,16 +145,13 @@ def start(
     parts.append(("", partial(_check_together, logs)))
     states = sum(log.count(Kind.STATE) for log in found)
     processes: list[Forked[Part]] = []
-    results: list[Callable[[Callable[[str], None]], Part]]
     if processors() > 1 and states >= PARALLEL_FROM:
         processes = [Forked(partial(_judged, path, work)) for _, work in parts]
-        results = [process.result for process in processes]
-    else:
-        results = [partial(_judged, path, work) for _, work in parts]
 
     def finish() -> Verification:
+        here = (_judged(path, work, say) for _, work in parts)
         try:
-            return _merged(path, logs, parts, results, say)
+            return _merged(path, logs, parts, gather(processes, say) if processes else here)
         finally:
             for process in processes:
                 process.end()
@@ -166,13 +163,11 @@ def _merged(
     path: Path,
     logs: Mapping[str, Log],
     parts: Sequence[tuple[str, Work]],
-    results: Sequence[Callable[[Callable[[str], None]], Part]],
-    say: Callable[[str], None],
+    results: Iterable[Part],
 ) -> Verification:
-    """Wait for the parts, and add them in their order."""
+    """Add the parts in their order."""
     whole, undescribed = Verification(str(path)), set[str]()
-    for (side, _), result in zip(parts, results, strict=True):
-        part = result(say)
+    for (side, _), part in zip(parts, results, strict=True):
         if part.unreadable:
             raise LogError(part.unreadable)
         if side in undescribed:  # there is nothing to repeat the controller with

@@ -38,7 +38,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify import verify as verify_module
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
-from hoap3.tools.verify.forked import Forked
+from hoap3.tools.verify.forked import Forked, gather
 from hoap3.tools.verify.point_task import PointTask
 from hoap3.tools.verify.verify import verify
 
@@ -155,8 +155,31 @@ def test_a_process_that_ends_without_a_result_is_an_error() -> None:
         os._exit(3)
 
     with pytest.raises(LogError, match="exit code 3"):
-        Forked(dies).result(heard.append)
+        gather([Forked(dies)], heard.append)
     assert heard == ["begun"]
+
+
+def test_progress_of_a_process_is_passed_on_while_an_earlier_one_still_runs() -> None:
+    heard: list[str] = []
+    first, other = os.pipe()
+
+    def waits(_: Callable[[str], None]) -> str:
+        return os.read(first, 1).decode()
+
+    def reports(say: Callable[[str], None]) -> str:
+        say("half")
+        return "done"
+
+    def release(text: str) -> None:
+        heard.append(text)
+        os.write(other, b"x")
+
+    try:
+        assert gather([Forked(waits), Forked(reports)], release) == ["x", "done"]
+    finally:
+        os.close(first)
+        os.close(other)
+    assert heard == ["half"]
 
 
 def test_logs_of_two_runs_are_not_passed_together(story, tmp_path):
