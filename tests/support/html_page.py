@@ -74,6 +74,10 @@ class Page:
         assert reader.here is reader.root
         self.source, self.root = source, reader.root
 
+    def sections(self) -> list[str]:
+        """Ids of its sections, in order."""
+        return [element.attributes["id"] for element in self.root.all("section")]
+
     def by_id(self, name: str) -> Element:
         """The one element of that id."""
         (found,) = [e for e in self.root.all() if e.attributes.get("id") == name]

@@ -40,7 +40,7 @@ def _margin(certificates: Certificates) -> Drawing:
     outside = int((margin < OUTSIDE).sum())
     label = "smallest margin [unit of its constraint]"
     svg = _over_time(certificates, "margin", (0.0, "red"), margin, label)
-    title = f"Every constraint is kept, the nearest by {number(float(margin.min()))}"
+    title = f"All constraints hold, the nearest by {number(float(margin.min()))}"
     if outside:
         title = f"A constraint is violated in {count(outside)} of {count(len(margin))} answers"
     figures = f"margin: {spread(summary(margin), '')} · outside {count(outside)}"

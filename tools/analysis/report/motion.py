@@ -101,6 +101,20 @@ class Motion(AnswerSeries):
         return np.asarray(each / total if total > 0.0 else each, float)
 
     @property
+    def limit_room(self) -> FloatArray:
+        """(n,) least distance to a limit, % of the usable range; nan of joints without limits."""
+        used = 100.0 * self.range_used
+        return np.asarray(np.minimum(used, 100.0 - used).min(axis=0, initial=np.inf), float)
+
+    @property
+    def nearest_limit(self) -> tuple[str, float] | None:
+        """The joint that comes nearest to a limit, and its `limit_room`; None without limits."""
+        if not np.isfinite(self.range_used).any():
+            return None
+        joint = int(np.nanargmin(self.limit_room))
+        return self.joints[joint], float(self.limit_room[joint])
+
+    @property
     def edge_m(self) -> FloatArray:
         """(m,) distance of the centre of mass, seen from above, to the nearest edge, inside > 0."""
         if self.sole_m is None:

@@ -15,8 +15,8 @@ from hoap3.tools.picture.palette import LIGHT, SERIES
 ROUNDING = 1e-12  # of the greatest V: less is no rise
 PROPORTION = 1.7  # width to height of a pair of axes
 NAMED = 6  # joints that get a colour of their own
-TOLD = {"rad/s": "told to move", "rad/s²": "told to accelerate", "N m": "given torques"}
-"""What joints are told, by the unit of u."""
+COMMANDED = {"rad/s": "velocities", "rad/s²": "accelerations", "N m": "torques"}
+"""Commands, by the unit of u."""
 
 
 def motion_drawings(motion: Motion, robot: str | None = None) -> list[Drawing]:
@@ -58,9 +58,9 @@ def _close_up(motion: Motion) -> Drawing:
         _draw_path(drawing, motion)
     figures = f"{_points(motion)} · length {number(length)} mm · start to end {number(straight)} mm"
     what = "the centre of mass" if motion.point == COM else motion.point
-    title = f"The way of {what}, from above"
+    title = f"Path of {what}, seen from above"
     if motion.target_m is not None:
-        title = f"The way of {what} to the target, from above"
+        title = f"Path of {what} to the target, seen from above"
         error = 1e3 * float(np.linalg.norm(motion.path_m[-1] - motion.target_m))
         figures += f" · to the target, in space, at the end {number(error)} mm"
     return Drawing("path", title, drawing.svg, _path_keys(motion), figures)
@@ -68,7 +68,7 @@ def _close_up(motion: Motion) -> Drawing:
 
 def _positions(motion: Motion) -> Drawing:
     used = 100.0 * motion.range_used
-    room = np.minimum(used, 100.0 - used).min(axis=0)
+    room = motion.limit_room
     endless = int(np.isnan(room).sum())  # sorted to the end
     order = np.argsort(room, kind="stable")[: len(room) - endless].tolist()
     named = order[:NAMED]
@@ -82,7 +82,9 @@ def _positions(motion: Motion) -> Drawing:
         keys.append(Key("faint", f"{len(order) - NAMED} others"))
     least = number(float(room[named[0]]))
     beyond = int((room < 0.0).sum())
-    title = f"{motion.joints[named[0]]} comes nearest to a limit, to {least} % of its range"
+    title = (
+        f"Joint positions: {motion.joints[named[0]]} is nearest to a limit, {least} % of its range"
+    )
     if beyond:
         title = f"{beyond} of {len(order)} joints leave their usable range"
     figures = f"{_points(motion)} · least distance to a limit {least} %"
@@ -101,7 +103,7 @@ def _lyapunov(motion: Motion) -> Drawing:
     fallen = f"{number(known[0])} → {number(known[-1])} {unit}" if len(known) else ""
     change = np.diff(known) / max(known.max(initial=0.0), 1e-300)
     rises = int((change > ROUNDING).sum())
-    title = "V falls, and never rises" if (change < 0.0).any() else "V stays as it is"
+    title = "V decreases at every answer" if (change < 0.0).any() else "V is constant"
     if rises:
         title = f"V rises at {count(rises)} of {count(len(known))} answers"
     figures = f"{fallen} · {spread(summary(v), unit)}"
@@ -137,10 +139,10 @@ def _inputs(motion: Motion) -> Drawing:
     if rest and moved:
         others = float(sum(share[joint] for joint in rest))
         keys.append(Key("faint", f"{len(rest)} others {number(100 * others)} %"))
-    told = TOLD.get(motion.unit, "told something")
-    title = f"{moved} of {len(motion.joints)} joints are {told}"
+    commands = COMMANDED.get(motion.unit, "values")
+    title = f"Commanded {commands}: {moved} of {len(motion.joints)} joints move"
     fastest = np.abs(np.maximum(motion.inputs.max(axis=1), -motion.inputs.min(axis=1)))
-    figures = f"greatest |u| of an answer: {spread(summary(fastest), motion.unit)}"
+    figures = f"largest |u| of an answer: {spread(summary(fastest), motion.unit)}"
     return Drawing("u", title, drawing.svg, tuple(keys), figures)
 
 
@@ -153,7 +155,7 @@ def _active(motion: Motion) -> Drawing:
         drawing.axes.yaxis.get_major_locator().set_params(integer=True)
         drawing.time(motion.duration_s, "joints at 0.001 rad/s or more")
     average = number(float(motion.active.mean()))
-    title = f"On average {average} of {len(motion.joints)} joints work"
+    title = f"On average {average} of {len(motion.joints)} joints are active"
     keys = (Key("faint", "each answer"), Key("blue", f"mean over {number(1e3 * window_s)} ms"))
     figures = f"{spread(summary(motion.active), 'joints')} · mean {average}"
     return Drawing("active", title, drawing.svg, keys, figures)
@@ -214,17 +216,17 @@ def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:
 
 
 def _how_fast(motion: Motion, time: FloatArray, measured: FloatArray) -> str:
-    """What the median window says of V beside Ψ."""
+    """Compare the decrease of V in the median window with Ψ."""
     known = np.isfinite(motion.psi)
     if not known.any():
-        return "Nobody says how fast V has to fall"
+        return "Required decrease of V: not stated"
     asked = np.interp(time, motion.time_s[known], motion.psi[known])
     if not (asked > 0.0).any():
-        return "Nothing is asked of V"
+        return "No decrease of V is required"
     share = float(np.median((measured / np.where(asked > 0.0, asked, np.nan))[asked > 0.0]))
     if share >= 0.95:
-        return "V falls as fast as Ψ asks"
-    return f"V falls at {100.0 * max(share, 0.0):.0f} % of the rate that Ψ asks"
+        return "V decreases at least as fast as required"
+    return f"V decreases at {100.0 * max(share, 0.0):.0f} % of the required rate"
 
 
 def _unit(motion: Motion) -> str:

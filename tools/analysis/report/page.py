@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from hoap3.protocol.errors import LogError, UsageError
+from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED, WARN
 from hoap3.tools.analysis.document import PAGES, POLICY
 from hoap3.tools.analysis.numbers import NAMES as PERCENTILES
 from hoap3.tools.analysis.numbers import count, number, rate, seconds, summary
@@ -29,15 +30,18 @@ __all__ = ["POLICY", "SECTIONS", "page"]
 SECTIONS = {
     "motion": "Motion",
     "certificates": "Certificates",
-    "checked": "Checked",
+    "checked": "Verification",
     "conditions": "Conditions",
-    "time": "Deadlines and time",
+    "time": "Deadlines and times",
     "ticks": "Worst ticks",
     "events": "Events",
-    "stalls": "Stalls of the host",
+    "stalls": "Host stalls",
     "machine": "Machine and settings",
-    "words": "Words",
+    "words": "Definitions",
 }
+"""Titles; a report leaves out sections that would be empty."""
+QUESTIONS = "task", "deadlines", "limits_and_balance"
+"""The verdicts in the order of the page: did it reach, in time, within limits."""
 Row = list[object]
 Tile = tuple[str, str, str, list[str]]
 
@@ -54,23 +58,51 @@ def page(content: Content) -> str:
         given = {"worst_ticks": _worst(ticks, figures), "duration_rows": _durations(figures)}
     if ticks is not None and ticks.stalls:
         given["stalls"] = _stalls(ticks, ticks.stalls)
+    events = _events(content)
+    filled = {
+        "motion": drawings["motion"],
+        "certificates": content.certificates,
+        "conditions": content.conditions,
+        "time": drawings["time"],
+        "ticks": ticks is not None and (not ticks.lockstep or ticks.missed.any()),
+        "events": events,
+        "stalls": given.get("stalls"),
+    }
     return PAGES.get_template("analysis/report/templates/page.html").render(
         given,
         kind="report",
         title=f"{content.robot} · {content.controller}",
-        sections=SECTIONS,
+        headline=headline(content.judged),
+        sections={name: title for name, title in SECTIONS.items() if filled.get(name, True)},
         content=content,
         drawings=drawings,
-        verdicts=[
-            (name, content.judged["verdicts"][key], words[key]) for key, name in NAMES.items()
-        ],
+        verdicts=[(NAMES[key], content.judged["verdicts"][key], words[key]) for key in QUESTIONS],
         facts=[length, content.transport, content.date, content.sources.label],
         tiles=tiles(content),
         shares=_shares,
         certificate_rows=_certificates(content),
-        event_rows=_events(content),
+        event_rows=events,
         machines=[_machine_facts(content, log) for log in content.sources.logs],
     )
+
+
+def headline(judged: Mapping[str, Any]) -> str:
+    """State in one sentence whether the run passed, and why not.
+
+    Args:
+        judged: has the keys that `judge` returns.
+    """
+    verdicts, words = judged["verdicts"], in_words(judged)
+    for verdict, begin in ((FAIL, "Failed"), (WARN, "Passed with a warning")):
+        found = [key for key in QUESTIONS if verdicts[key] == verdict]
+        if found:
+            return f"{begin}: " + "; ".join(
+                f"{NAMES[key]} ({words[key].partition('; ')[0]})" for key in found
+            )
+    open_ = [NAMES[key] for key in QUESTIONS if verdicts[key] == NOT_JUDGED]
+    if open_:
+        return f"Nothing failed, but not judged: {', '.join(open_)}"
+    return "Passed: within tolerance at the end, in time, and within all limits"
 
 
 def write_report(
@@ -196,24 +228,52 @@ def _stalls(ticks: TickTable, stalls: list[Stall]) -> dict[str, Any]:
 
 def tiles(content: Content) -> list[Tile]:
     """Anchor of the definition, name, value, and notes of each figure at the head."""
-    found = _deadline_tiles(content, content.tick_figures) if content.ticks else []
+    found = _error_tiles(content)
+    found += _deadline_tiles(content, content.tick_figures) if content.ticks else []
     motion, certificates = content.motion, content.certificates
-    if motion is not None and motion.has_certificates:
-        unit = " mm" if motion.target_m is not None else ""
-        errors = (1e3 if unit else 1.0) * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
-        notes = [f"√(2V); at first {number(errors[0])}{unit}"]
-        share = rate(float(motion.certified.mean()))
-        notes.append(f"certified {share} of n {count(len(motion.v))} answers")
-        found.append(("word-certificate", "error at the end", f"{number(errors[-1])}{unit}", notes))
+    if motion is not None and (nearest := motion.nearest_limit) is not None:
+        joint, room = nearest
+        clamped = content.judged["limits_and_balance"]["held_back"]
+        notes = [joint, "of its usable range"]
+        if clamped is not None:
+            notes.append(f"clamped in {count(clamped)} periods" if clamped else "no joint clamped")
+        found.append(("figure-positions", "nearest joint limit", f"{number(room)} %", notes))
     if certificates is not None:
         notes = [f"of n {count(certificates.n)} answers"]
         if certificates.longest is not None:
             first = seconds(certificates.stretches[0].begin_s)
             longest = count(certificates.longest.answers)
-            notes.append(f"first at {first} s, longest stretch {longest}")
+            notes.append(f"first at {first} s, longest interval {longest}")
         without = count(certificates.without)
         found.append(("certificates", "without certificate", without, notes))
     return found
+
+
+def _error_tiles(content: Content) -> list[Tile]:
+    """The largest final error of the tasks, in multiples of its tolerance; else √(2V)."""
+    motion, notes, last = content.motion, list[str](), ""
+    judged = [each for each in content.judged["task"]["errors"] if each["judged"]]
+    known = [each for each in judged if each["error"] is not None]
+    if motion is not None and motion.has_certificates:
+        unit = " mm" if motion.target_m is not None else ""
+        errors = (1e3 if unit else 1.0) * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
+        first, last = (f"{number(errors[place])}{unit}" for place in (0, -1))
+        notes = [f"√(2V): {first} at first, {last} at the end"]
+    if known:
+        worst = max(known, key=lambda each: each["error"] / each["tolerance"])
+        size, most = (_with_unit(worst[key], worst["unit"]) for key in ("error", "tolerance"))
+        notes = [f"{worst['task']}, tolerance {most}", *notes]
+        return [("word-verdict", "error at the end", size, notes)]
+    if notes:
+        return [("word-certificate", "error at the end", last, notes)]
+    return []
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """A size with its unit; lengths in mm."""
+    if unit == "m":
+        return f"{number(1e3 * value)} mm"
+    return f"{number(value)} {unit}".rstrip()
 
 
 def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
@@ -224,10 +284,10 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
     late = deadline_words(given)
     if late is not None:
         ticks.append(f"in time: {late}")
-    found: list[Tile] = [("word-success", "success rate, raw", rate(success["run"]), ticks)]
-    if not content.sources.lockstep:  # nobody can take virtual time away
+    found: list[Tile] = [("word-success", "answers in time", rate(success["run"]), ticks)]
+    if content.ticks is not None and content.ticks.stalls is not None:
         outside = rate(success["outside_stalls"])
-        found.append(("word-stall", "outside stalls", outside, _stall_notes(content)))
+        found.append(("word-stall", "outside stalls", outside, _stall_notes(content.ticks)))
     kinds = [f"late {count(misses['late'])}, lost {count(misses['lost'])}"]
     kinds.append(f"longest run {misses['longest_run']}; skipped {count(given['skipped'])}")
     missed = count(misses["late"] + misses["lost"])
@@ -241,13 +301,15 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
             tail = f"p99 {number(sizes['p99'])}, p99.9 {number(sizes['p99_9'])}, "
             notes = [f"{tail}max {number(sizes['max'])} µs", f"n {count(sizes['n'])}"]
             found.append((anchor, f"{name}, median", f"{number(sizes['p50'])} µs", notes))
+    if given.get("worst"):
+        worst = given["worst"][0]
+        notes = [f"tick {worst['tick']}, {worst['outcome']}"]
+        notes += [f"attributed to {worst['guilty']}"] if worst["guilty"] else []
+        found.append(("ticks", "longest RTT", f"{number(worst['rtt_us'])} µs", notes))
     return found
 
 
-def _stall_notes(content: Content) -> list[str]:
-    table = content.ticks
-    if table is None or table.stalls is None:
-        return ["stalls were not monitored"]
+def _stall_notes(table: TickTable) -> list[str]:
     stalls = stall_figures(table.stalls_of_motion or [])
     misses = table.misses_outside_stalls or 0
     outside = f"n {count(table.count(IN_TIME) + misses)}, missed or skipped {count(misses)}"

@@ -78,9 +78,9 @@ def _deadlines(table: TickTable) -> Drawing:
         keys.append(Key(role, f"{name} {count(table.count(outcome))}", "tick"))
     if table.stalls is not None:
         some = f": the {MOST_STALLS} longest" if len(stalls) > MOST_STALLS else ""
-        keys.append(Key("faint", f"the host took the CPU away{some}", "area"))
+        keys.append(Key("faint", f"host stall{some}", "area"))
     title = f"{count(misses)} ticks without an answer in time"
-    title = title if misses else "Every answer came in time"
+    title = title if misses else "All answers arrived in time"
     return Drawing("deadlines", title, drawing.svg, tuple(keys), f"RTT: {_spread_us(rtt)}")
 
 
@@ -150,8 +150,9 @@ def _stages(table: TickTable, name: str) -> Drawing:
     text = f"n ≥ {count(least)} · {key} of the run: {parts} µs"
     drawn = [stage for stage, values in shown.items() if np.nanmax(values) > 0.0]
     keys = tuple(Key(STAGE_ROLES[stage], stage, "area") for stage in drawn)
-    where = "Usually most of the time" if stacked else "In the slowest hundredth it"
-    return Drawing(name, f"{where} goes into {longest}", drawing.svg, keys, text)
+    which = "Median" if stacked else "99th percentile"
+    title = f"{which} of each stage: {longest} is longest"
+    return Drawing(name, title, drawing.svg, keys, text)
 
 
 def _windows(seconds: FloatArray, values: FloatArray) -> tuple[FloatArray, list[FloatArray]]:

@@ -123,7 +123,7 @@ def test_where_all_is_proved_nothing_is_red_and_rho_is_left_out(tmp_path):
     assert [key.text for key in figures(content)["margin"].keys] == ["margin", "limit"]
     assert content.as_json()["certificates"]["longest"] is None
     seen = Page(page(content))
-    assert "Every one of n 50 answers has been proved" in seen.by_id("certificates").text()
+    assert "n 50 answers" in seen.by_id("certificates").text()
     assert not any("without a certificate" in gap for gap in content.gaps)
     assert seen.tiles()["without certificate"].startswith("without certificate0")
 
@@ -139,7 +139,7 @@ def test_a_controller_without_certificates_is_said_to_have_none(tmp_path):
     content = read_content(active_log(tmp_path, setpoint={"solver_status": NONE}))
     assert content.certificates is None
     assert content.as_json()["certificates"] is None
-    assert "No answer came with a certificate" in Page(page(content)).by_id("certificates").text()
+    assert "certificates" not in Page(page(content)).sections()
 
 
 def test_a_status_that_nobody_defined_proves_nothing(tmp_path):

@@ -67,20 +67,31 @@ def test_every_link_leads_to_one_place_of_the_page(shown):
     assert all(link.startswith("#") for link in links)
 
 
-def test_every_section_is_there_and_says_something(shown):
-    for anchor in SECTIONS:
-        assert shown.by_id(anchor).text()
+def test_sections_are_those_of_the_navigation_and_none_is_empty(shown):
+    assert shown.sections() == [a.attributes["href"][1:] for a in shown.root.all("nav")[0].all("a")]
+    for anchor in shown.sections():
+        section = shown.by_id(anchor)
+        assert section.text().strip() != section.all("h2")[0].text(), anchor
 
 
-def test_a_run_in_lockstep_shows_the_motion_and_says_that_there_are_no_times(still):
+def test_the_first_line_names_the_verdict_that_failed(still):
+    verdicts = [badge.text() for badge in still.root.all("span", "badge")]
+    assert verdicts == ["fail", "pass", "pass"]  # of the task, deadlines, limits
+    (lead,) = still.root.all("p", "lead")
+    assert lead.text().startswith("Failed: task (")
+    assert "deadlines" not in lead.text()
+
+
+def test_a_run_in_lockstep_shows_the_motion_and_no_section_of_times(still):
     assert list(still.figures()) == [*MOTION, "margin", "success"]  # ρ is 1
-    assert "virtual" in still.by_id("ticks").text()
+    assert {"ticks", "stalls", "conditions"}.isdisjoint(still.sections())
     assert "RTT, median" not in still.tiles()
 
 
 def test_a_run_in_real_time_shows_every_figure(live):
     assert list(live.figures()) == MOTION + CERTIFICATES + TIMES
-    assert {"RTT, median", "wake-up, median", "outside stalls"} <= live.tiles().keys()
+    assert live.sections() == [each for each in SECTIONS if each != "conditions"]
+    assert {"RTT, median", "longest RTT", "outside stalls"} <= live.tiles().keys()
 
 
 def test_every_figure_has_a_drawing_units_a_legend_its_n_and_a_definition(still, live):

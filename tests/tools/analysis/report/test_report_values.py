@@ -78,7 +78,7 @@ def test_the_distance_to_the_edge_is_that_of_a_rectangle(motion):
 def test_the_headline_has_the_rate_and_its_n(live):
     lost = 5 + 2 + 2  # vanished, and those that waited behind two slow solves
     asked = 600 - 2
-    tile = live.tiles()["success rate, raw"]
+    tile = live.tiles()["answers in time"]
     assert rate((asked - lost) / asked) in tile
     assert f"n {asked}" in tile
 
@@ -117,7 +117,7 @@ def test_the_worst_tick_is_the_slow_one_and_its_stage_is_named(live):
 def test_stalls_are_listed_with_their_lengths(live):
     rows = live.rows("stalls")
     assert rows == [
-        ["begin [s]", "length [ms]"],
+        ["start [s]", "length [ms]"],
         ["0.300", "4"],
         ["−0.050", "1"],
         ["0.450", "0.500"],
@@ -145,7 +145,7 @@ def test_the_success_rate_over_time_is_what_the_robot_counts(story):
 def test_events_are_words(lockstep):
     page_ = Page(page(read_content(lockstep[0])))
     rows = page_.rows("events")
-    assert rows[0] == ["side", "what", "detail", "times", "tick", "time [s]"]
+    assert rows[0] == ["side", "event", "detail", "times", "tick", "time [s]"]
     told = {(row[0], row[1]): row[2] for row in rows[1:]}
     assert told["robot", "braking"] == "ended"
     assert told["robot", "granted"] == "epoch 1"
