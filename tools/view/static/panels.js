@@ -16,7 +16,7 @@ export function write(element, text) {
 }
 
 const MODES = { idle: "● idle", active: "▶ active", stopping: "◆ stopping", stopped: "■ stopped" };
-const OPERATORS = { me: "this page", other: "someone else", none: "nobody" };
+const OPERATORS = { me: "this page", other: "another page or program", none: "none" };
 
 /** The line of the state. */
 export function showState(frame) {
@@ -28,16 +28,20 @@ export function showState(frame) {
   write(at("time"), `${frame.time_s.toFixed(2)} s`);
   write(at("holder"), frame.holder || "none");
   at("holder").title = frame.holder || "";
-  write(at("operator"), OPERATORS[frame.operator] ?? "nobody");
+  write(at("operator"), OPERATORS[frame.operator] ?? "none");
 }
 
 const VERDICTS = { deadlines: "Deadlines", task: "Task", limits_and_balance: "Limits and balance" };
 const SIGNS = { pass: "✓", warn: "!", fail: "✕" };
 
-/** @param {Record<string, {verdict: string, words: string}>} verdicts */
-export function showVerdicts(verdicts = {}) {
+/**
+ * @param {Record<string, {verdict: string, words: string}>} verdicts
+ * @param {boolean} stands whether the robot has balance to keep
+ */
+export function showVerdicts(verdicts = {}, stands = true) {
   const list = at("verdicts");
-  for (const [key, name] of Object.entries(VERDICTS)) {
+  for (const [key, title] of Object.entries(VERDICTS)) {
+    const name = stands ? title : title.replace(" and balance", "");
     const { verdict = "not judged", words = "" } = verdicts[key] ?? {};
     let row = list.querySelector(`[data-of="${key}"]`);
     if (!row) {
@@ -57,31 +61,36 @@ export function showVerdicts(verdicts = {}) {
 
 const NEAR_LIMIT = 0.03; // of the range
 
-/** Bars of the joints: a dot in its range, and a sign where it is at a limit. */
+/** Bars of the joints: position in its range, speed and effort; a sign where one is near a limit. */
 export class Joints {
-  /** @param {{name, lower, upper, unit}[]} joints */
+  /** @param {{name, lower, upper, velocity, effort, unit}[]} joints */
   constructor(joints) {
-    this.rows = joints.map(({ name, lower, upper, unit }) => {
+    this.rows = joints.map(({ name, lower, upper, velocity, effort, unit }) => {
       const turns = lower === null || upper === null; // without limits: where in a turn it is
       const dot = make("i");
       const value = make("output");
+      const rates = make("output", { className: "rates" });
       const bar = make("span", { className: turns ? "bar turns" : "bar" }, dot);
       bar.title = turns ? "no limits" : `${lower.toFixed(2)} to ${upper.toFixed(2)} ${unit}`;
-      const row = make("li", {}, make("b", { textContent: name, title: name }), bar, value);
-      return { row, dot, value, unit, turns, lower: turns ? -Math.PI : lower, upper: turns ? Math.PI : upper };
+      const row = make("li", {}, make("b", { textContent: name, title: name }), bar, value, rates);
+      const range = { lower: turns ? -Math.PI : lower, upper: turns ? Math.PI : upper };
+      return { row, dot, value, rates, unit, turns, velocity, effort, ...range };
     });
     at("joints").replaceChildren(...this.rows.map(({ row }) => row));
   }
 
-  /** @param {number[]} q */
-  show(q) {
-    this.rows.forEach(({ row, dot, value, unit, turns, lower, upper }, i) => {
+  /** @param {{q: number[], dq: number[], tau: number[]}} frame */
+  show({ q, dq, tau }) {
+    this.rows.forEach(({ row, dot, value, rates, unit, turns, lower, upper, velocity, effort }, i) => {
       const angle = turns ? Math.atan2(Math.sin(q[i]), Math.cos(q[i])) : q[i];
       const share = Math.min(1, Math.max(0, (angle - lower) / (upper - lower)));
-      const near = !turns && Math.min(share, 1 - share) < NEAR_LIMIT;
+      const used = [Math.abs(dq[i]) / velocity, effort === null ? 0 : Math.abs(tau[i] ?? 0) / effort];
+      const near = (!turns && Math.min(share, 1 - share) < NEAR_LIMIT) || Math.max(...used) > 1 - NEAR_LIMIT;
       dot.style.left = `${(100 * share).toFixed(2)}%`;
       row.classList.toggle("near", near);
       write(value, `${near ? "▲ " : ""}${q[i].toFixed(2)} ${unit}`);
+      const torque = i in tau ? ` · ${tau[i].toFixed(1)} ${unit === "m" ? "N" : "N m"}` : "";
+      write(rates, `${dq[i].toFixed(2)} ${unit}/s${torque}`);
     });
   }
 }

@@ -215,14 +215,20 @@ class Chart {
 export class Plots {
   /**
    * @param {HTMLElement} box
+   * @param {HTMLElement} folded for the plots of certificates
    * @param {object} hello
    * @param {(at_s: number) => void} seek
    */
-  constructor(box, { plots, log }, seek) {
-    const groups = Map.groupBy(plots, ({ group }) => group);
+  constructor(box, folded, { plots, log }, seek) {
+    const groups = [...Map.groupBy(plots, ({ group }) => group)];
+    const charts = (some) => some.map(([group, curves]) => new Chart(group, curves, log, seek));
+    const [shown, others] = [false, true].map((certificate) =>
+      charts(groups.filter(([, [curve]]) => Boolean(curve.certificate) === certificate)),
+    );
     this.drawn_ms = -Infinity;
-    this.charts = [...groups].map(([group, curves]) => new Chart(group, curves, log, seek));
-    box.replaceChildren(...this.charts.map(({ figure }) => figure));
+    this.charts = [...shown, ...others];
+    box.replaceChildren(...shown.map(({ figure }) => figure));
+    folded.replaceChildren(...others.map(({ figure }) => figure));
   }
 
   /** @param {object} log of which more is known */

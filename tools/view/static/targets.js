@@ -52,7 +52,7 @@ class Target {
       const gizmo = new TransformControls(stage.camera, stage.canvas);
       gizmo.setMode(mode);
       gizmo.setColors(...AXES, ORANGE);
-      gizmo.setSize(mode === "rotate" ? 0.75 : 0.6);
+      gizmo.setSize(mode === "rotate" ? 1.0 : 0.85);
       gizmo.showXYZE = gizmo.showE = false; // rings about x, y and z are enough
       gizmo.attach(this.marker);
       gizmo.addEventListener("change", () => stage.change());
@@ -209,7 +209,7 @@ export class Targets {
     const at = this.find(name).marker.getWorldPosition(new Vector3());
     const { x, y, z } = at;
     const away = this.stage.camera.position.distanceTo(at);
-    const unit = (away * 1.9 * Math.tan((this.stage.camera.fov * Math.PI) / 360) * 0.6) / 4;
+    const unit = (away * 1.9 * Math.tan((this.stage.camera.fov * Math.PI) / 360) * 0.85) / 4;
     return { centre: this.stage.pixel([x, y, z]), handle: this.stage.pixel([x + 0.45 * unit, y, z]) };
   }
 }

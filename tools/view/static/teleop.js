@@ -13,6 +13,7 @@ const KEYS = {
   KeyU: [3, 1], KeyO: [3, -1], KeyI: [4, 1], KeyK: [4, -1], KeyJ: [5, 1], KeyL: [5, -1],
 };
 const ARROWS = { "+x": "KeyW", "−x": "KeyS", "+y": "KeyA", "−y": "KeyD", "+z": "KeyR", "−z": "KeyF" };
+const TURNS = { "↺ x": "KeyU", "↻ x": "KeyO", "↺ y": "KeyI", "↻ y": "KeyK", "↺ z": "KeyJ", "↻ z": "KeyL" };
 const DEAD_MEN = new Set(["ShiftLeft", "ShiftRight", "dead-man"]);
 
 /** Of the six, those that a kind of target takes. */
@@ -61,11 +62,13 @@ export class Teleop {
     addEventListener("gamepadconnected", () => this.#poll());
     for (const each of ["drive-speed", "drive-target"]) at(each).addEventListener("input", () => this.#speed());
     this.#holds(at("dead-man"), "dead-man");
-    for (const [label, code] of Object.entries(ARROWS)) {
+    this.buttons = Object.entries({ ...ARROWS, ...TURNS }).map(([label, code]) => {
       const button = make("button", { type: "button", textContent: label, disabled: true });
+      if (label in TURNS) button.setAttribute("aria-label", `Rotate ${label}`);
       this.#holds(button, code);
       at("arrows").append(button);
-    }
+      return { button, axis: KEYS[code][0] };
+    });
     this.#speed();
   }
 
@@ -122,6 +125,7 @@ export class Teleop {
     const linear = from < 3 ? [`${(FULL.linear * this.#scale).toFixed(2)} m/s`] : [];
     const angular = to > 3 ? [`${(FULL.angular * this.#scale).toFixed(2)} rad/s`] : [];
     write(at("drive-speed-text"), [...linear, ...angular].join(", "));
+    for (const { button, axis } of this.buttons) button.hidden = axis < from || axis >= to;
   }
 
   #tell() {

@@ -67,6 +67,12 @@ PLOTS = [
 ]
 
 
+def joint(name: str, lower: float | None, upper: float | None) -> dict[str, Any]:
+    """A revolute joint of the robot."""
+    limits = {"lower": lower, "upper": upper, "velocity": 2.0, "effort": 9.0}
+    return {"name": name, **limits, "unit": "rad"}
+
+
 def hello(**more: Any) -> dict[str, Any]:
     """What the page learns first."""
     return {
@@ -79,9 +85,9 @@ def hello(**more: Any) -> dict[str, Any]:
         "links": LINKS,
         "log": None,
         "joints": [
-            {"name": "turn", "lower": -1.5, "upper": 1.5, "velocity": 2.0, "unit": "rad"},
-            {"name": "lift", "lower": -0.2, "upper": 1.8, "velocity": 2.0, "unit": "rad"},
-            {"name": "roll", "lower": None, "upper": None, "velocity": 2.0, "unit": "rad"},
+            joint("turn", -1.5, 1.5),
+            joint("lift", -0.2, 1.8),
+            joint("roll", None, None),
         ],
         "soles": [{"link": "base", "polygon": [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0]]}],
         "targets": [
@@ -125,6 +131,8 @@ def frame(tick: int, **more: Any) -> dict[str, Any]:
         "holder": "qp12-4711",
         "poses": where,
         "q": [math.sin(at_s), 1.79, 2 * at_s],
+        "dq": [math.cos(at_s), 0.0, 0.2],
+        "tau": [1.0, -2.0, 0.5],
         "com": [0.05, 0.02, 0.35],
         "zmp": [0.04, 0.03],
         "polygon": [[-0.1, -0.1], [0.15, -0.1], [0.15, 0.12], [-0.1, 0.12]],

@@ -6,6 +6,7 @@ import itertools
 from functools import partial
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from page_bench import frame, made_up_view, poses
 
@@ -206,10 +207,59 @@ def test_stop_stops(open_page, how):
         assert view.verbs() == ["stop"]
 
 
-def test_recover_steer_and_release_are_asked_for(open_page):
+def test_only_a_stopped_robot_can_be_recovered(open_page):
     with made_up_view() as view:
         page = open_page(view)
-        page.click("#recover")
+        page.wait_for_selector("#steer:enabled")
+        assert page.locator("#recover").is_disabled()
+
+
+def test_a_pose_that_is_entered_becomes_the_target(page, view):
+    quarter = np.sqrt(0.5)
+    for axis, value in {"x": 0.25, "y": -0.1, "z": 0.5, "roll": 0, "pitch": 0, "yaw": 90}.items():
+        page.fill(f"[aria-label='Target hand {axis}']", str(value))
+    page.locator(".pose", has_text="hand").locator("text=Move to target").click()
+    wait_for(page, view, "target")
+    ((_, do),) = targets(view)
+    assert do["name"] == "hand"
+    assert do["values"] == pytest.approx([0.25, -0.1, 0.5, 0.0, 0.0, quarter, quarter])
+
+
+def test_an_empty_field_sends_nothing_and_the_pose_now_can_be_copied(page, view):
+    field = "[aria-label='Target aside x']"
+    page.fill(field, "")
+    aside = page.locator(".pose", has_text="aside")
+    aside.locator("text=Move to target").click()
+    aside.locator("text=Copy current").click()
+    assert float(page.input_value(field)) == pytest.approx(0.3)
+    assert "target" not in view.verbs()
+
+
+def test_angles_of_a_pose_are_roll_pitch_and_yaw_of_a_urdf(open_page, view):
+    page = open_page(view)
+    there_and_back = """async () => {
+      const { quaternion, rollPitchYaw } = await import("./poses.js");
+      return [quaternion([20, -35, 110]), rollPitchYaw(quaternion([20, -35, 110]))];
+    }"""
+    values, angles = page.evaluate(there_and_back)
+    rotation = pin.rpy.rpyToMatrix(*np.radians([20, -35, 110]))
+    assert values == pytest.approx(pin.Quaternion(rotation).coeffs().tolist())
+    assert angles == pytest.approx([20, -35, 110])
+
+
+def test_a_phone_has_buttons_to_rotate_and_no_hints_for_keys(steer, view):
+    phone = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+    page = steer(view, **phone)
+    assert page.locator("#arrows button:visible").count() == 12
+    assert page.locator("kbd:visible").count() == 0
+    page.select_option("#drive-target", "aside")  # a position
+    assert page.locator("#arrows button:visible").count() == 6
+
+
+def test_recover_steer_and_release_are_asked_for(open_page):
+    with made_up_view(frames=lambda tick: frame(tick, mode="stopped")) as view:
+        page = open_page(view)
+        page.click("#recover:enabled")
         page.click("#steer")
         page.wait_for_selector("#steer[aria-pressed=true]")
         page.click("#steer")
@@ -226,12 +276,15 @@ def test_a_page_without_the_token_sends_nothing(open_page, token):
     with made_up_view(frames=still) as view:
         view.operator = "me"  # whatever a server says
         page = open_page(view, token)
-        page.wait_for_selector("#note:has-text('only looks')")
+        page.wait_for_selector("#note:has-text('token')")
         for key in ("Escape", "Space", "Shift+w"):
             page.keyboard.press(key)
-        for button in ("stop", "recover", "steer", "dead-man"):
+        for button in ("recover", "steer", "dead-man"):
             assert page.locator(f"#{button}").is_disabled()
             page.click(f"#{button}", force=True)
+        page.click("#stop")
+        page.wait_for_selector("#note.refused:has-text('hoap3 stop made up')")
+        assert page.locator("#pose input:enabled").count() == 0
         at = page.evaluate("hoap3.gizmo('hand')")
         page.mouse.move(*at["handle"])
         page.mouse.down()

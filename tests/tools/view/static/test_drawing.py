@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_bench import LINKS, TOKEN, code, frame, made_up_view
+from page_bench import LINKS, PLOTS, TOKEN, code, frame, made_up_view
 
 pytestmark = pytest.mark.slow
 PLACES = "Object.fromEntries(Object.entries(hoap3.{}))"
@@ -100,6 +100,28 @@ def test_state_is_told_in_words(open_page):
         view.say({"kind": "event", "at_s": 1.5, "label": "<b>held</b>", "severity": "warning"})
         page.wait_for_selector("#events li")
         assert "<b>held</b>" in page.inner_text("#events li")  # text, whatever it holds
+
+
+def test_the_legend_lists_what_the_robot_has(open_page):
+    bare = {"com": None, "zmp": None, "polygon": [], "contacts": [], "targets": []}
+    with made_up_view(frames=lambda tick: frame(tick, **bare), targets=[], soles=[]) as view:
+        page = open_page(view)
+        page.wait_for_selector("#tick:not(:has-text('…'))")
+        assert page.locator("#key [data-of]:visible").count() == 0
+    with made_up_view() as view:
+        page = open_page(view)
+        page.wait_for_selector("#key [data-of=zmp]:visible")
+        assert page.locator("#key [data-of]:visible").count() == 5
+
+
+def test_plots_of_the_certificate_are_folded(open_page):
+    plots = [{**each, "certificate": each["group"] != "error"} for each in PLOTS]
+    with made_up_view(plots=plots) as view:
+        page = open_page(view)
+        shown = page.locator("figure[data-group]:visible")
+        assert shown.evaluate_all("all => all.map(each => each.dataset.group)") == ["error"]
+        page.click("#certificate summary")
+        page.wait_for_selector("figure[data-group=margin] canvas:visible")
 
 
 def test_an_old_picture_says_so_and_a_new_one_takes_that_back(open_page):
@@ -293,9 +315,9 @@ def test_whatever_can_be_pressed_has_a_name_and_is_reached_by_keys(steer):
         assert page.evaluate(nameless) == []
         reached = set()
         page.evaluate("document.activeElement.blur()")
-        for _ in range(40):
+        for _ in range(60):
             page.keyboard.press("Tab")
             focused = "document.activeElement.id || document.activeElement.tagName"
             reached.add(page.evaluate(focused))
         drives = {"drive-target", "drive-frame", "drive-speed"}
-        assert {"steer", "recover", "stop", "SUMMARY"} | drives <= reached
+        assert {"steer", "stop", "SUMMARY"} | drives <= reached
