@@ -23,8 +23,8 @@ class Checked:
     Attributes:
         found: what was recomputed, or None.
         why: why nothing was, "" where something was.
-        stated: where verification was skipped, what the controller itself stated at its end, by
-            session.
+        stated: where the controller was not repeated because verification was skipped, or because
+            its code may not run, what it stated itself at its end, by session.
     """
 
     found: Verification | None
@@ -39,15 +39,14 @@ class Checked:
     @property
     def outcomes(self) -> dict[int, dict[str, Any]]:
         """What the answers came to, by session of the robot, as a replay computes it."""
-        return self.found.outcomes if self.found is not None else self.stated or {}
+        repeated = self.found.outcomes if self.found is not None else {}
+        return repeated or self.stated or {}
 
     @property
     def unjudged(self) -> list[str]:
         """Parts of the log that verdicts rest on and that could not be verified, with reasons."""
-        if self.stated is not None:
-            return []
         if self.found is None:
-            return [f"claims: {self.why}"]
+            return [] if self.stated is not None else [f"claims: {self.why}"]
         return [
             f"{name}: {reason}"
             for name, each in sorted(self.found.claims.counts.items())
@@ -60,7 +59,8 @@ class Checked:
         """What the head of the page has to state of it."""
         unjudged = [f"Not verified: {each}." for each in self.unjudged]
         if self.stated is not None:
-            return [f"{self.why}. The verdict on the task rests on the controller's own summary."]
+            rests = "The verdict on the task rests on the controller's own summary."
+            unjudged = [f"{self.why}. {rests}" if self.why else rests, *unjudged]
         if self.found is None or not self.found.claims.false:
             return unjudged
         claims = self.found.claims
@@ -103,12 +103,22 @@ class Checked:
 
 def skip(controller: Log | None) -> Checked:
     """Nothing verified, because the user skipped it; with what the controller's log states."""
+    return Checked(None, "Not verified: skipped by --no-verify", _stated(controller))
+
+
+def _stated(controller: Log | None) -> dict[int, dict[str, Any]]:
+    """The newest summary of each session in the log of a controller."""
     stated: dict[int, dict[str, Any]] = {}
     for record in controller.records(Kind.SUMMARY) if controller else ():
         with suppress(ValueError, RecursionError, KeyError, TypeError):
             content = json.loads(record.payload)
             stated[int(content["session_id"])] = content
-    return Checked(None, "Not verified: skipped by --no-verify", stated)
+    return stated
+
+
+def _names_code(controller: Log) -> bool:
+    """Whether the controller is named by a dotted path, so that it is not part of this package."""
+    return ":" in str((controller.settings or {}).get("controller", ""))
 
 
 RESTS_ON = ("summary", "session", "event", "reset", "description", "config", "log of")
@@ -137,8 +147,12 @@ def start_check(
 
     def checked() -> Checked:
         try:
-            return Checked(finish())
+            found = finish()
         except LogError as error:
             return Checked(None, str(error))
+        controller = logs.get("controller")
+        if found.outcomes or controller is None or allow_code or not _names_code(controller):
+            return Checked(found)
+        return Checked(found, stated=_stated(controller))
 
     return checked
