@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.analysis.output import print_json, print_line
+from hoap3.tools.analysis.output import print_json, print_line, print_note
 from hoap3.tools.cli.options import Connect, Secure, reached
 from hoap3.tools.machine.processes import one_line, to_people
 
@@ -120,6 +120,7 @@ def change(
             print_json(client.control("show"))
         else:
             print_json(client.control("change", sent.request(content, {})))
+            print_note("accepted; shown are the values at the start of the transition")
 
 
 def _content(given: Sequence[str]) -> dict[str, Any] | None:

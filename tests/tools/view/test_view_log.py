@@ -234,6 +234,17 @@ def test_worst_ticks_misses_and_events_are_found(found):
     assert ROBOT.joint_names[1] in event["label"]
 
 
+def test_no_answer_in_virtual_time_is_listed_as_slow(tmp_path):
+    records = [
+        Record(kind, stamp, payload.replace(b'"lockstep": false', b'"lockstep": true'))
+        for kind, stamp, payload in run(200)
+    ]
+    (session,) = [payload for kind, _, payload in records if kind == Kind.SESSION]
+    assert json.loads(session)["lockstep"]
+    log = Log.indexed(written(tmp_path, records))
+    assert passed(log, log.begin)["worst"] == []
+
+
 def test_a_frame_says_how_long_its_answer_took(source):
     player = source.player()
     for tick, took_us in ((SLOW, 5000.0), (MISSED, None)):
