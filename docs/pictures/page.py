@@ -1,7 +1,7 @@
-"""Makes the live page's pictures: `python docs/pictures/page.py` [live | posture | log | standing].
+"""Makes the live page's pictures: `python docs/pictures/page.py`.
 
-It runs HOAP-3 and UR5 in real time, two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in
-Debian's chromium, and keeps what that shows. A page that does not steer ends it.
+It runs HOAP-3 in real time, opens its page in Debian's chromium as the operator, and keeps
+screenshots of a wide page and of a phone.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ FOLDER = Path(__file__).parent / "view"
 CHROMIUM = "/usr/bin/chromium"
 SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-TALL = {"width": 1280, "height": 2400}  # whatever is beside the picture at once
 HOAP3 = [sys.executable, "-m", "hoap3.tools.cli.app"]
 PATIENT = "emulator.misses_to_stop=100000"  # a browser that draws without a GPU takes both CPUs
 ADDRESS = re.compile(r"http://\S+")
@@ -46,17 +45,6 @@ def steered(folder: Path) -> Path:
     target |= {"lower_m": [-0.03, -0.02, 0.2], "upper_m": [0.06, 0.06, 0.32]}
     config["parameters"]["task"]["parameters"]["target"] = target
     path = folder / "steered_com.yaml"
-    path.write_text(yaml.safe_dump(config), encoding="utf-8")
-    return path
-
-
-def steered_joints(folder: Path) -> Path:
-    """The config of UR5, whose joints somebody moves."""
-    task = {"task": "posture", "parameters": {"target": {"kind": "live", "name": "arm"}}}
-    task["parameters"]["target"]["speed_rad_s"] = 0.5
-    psi = {"form": "exponential", "eta_per_s": 10.0}
-    config = {"controller": "stable_qp", "robot": "ur5", "parameters": {"task": task, "psi": psi}}
-    path = folder / "steered_joints.yaml"
     path.write_text(yaml.safe_dump(config), encoding="utf-8")
     return path
 
@@ -194,28 +182,11 @@ def keep_while_pulled(page: Any, parts: dict[str, str]) -> None:
 def live(browser: Any, address: str) -> None:
     """HOAP-3, whose centre of mass is pulled."""
     page = opened(browser, address, WIDE, "light")
-    first = {"live": "body", "scene": "#view", "header": "header", "drive": "#drive"}
-    keep_while_pulled(page, first)
-    page.close()
-    page = opened(browser, address, TALL, "light")
-    page.evaluate("document.querySelector('#view').style.maxHeight = '20rem'")  # soon drawn
-    sections = {name: f"section:has(> #{name})" for name in ("verdicts", "joints")}
-    keep_while_pulled(page, {"plots": "#plots", "change": "#change", **sections})
+    keep_while_pulled(page, {"live": "body", "drive": "#drive"})
     page.close()
     page = opened(browser, address, PHONE, "dark")
     page.wait_for_timeout(4000)
     keep("phone", page.screenshot())
-    page.close()
-
-
-def log(browser: Any, address: str) -> None:
-    """A log, some way through."""
-    page = opened(browser, address, WIDE, "dark")
-    page.fill("#at", "1.2")
-    page.wait_for_function("() => hoap3.hello.log.done && hoap3.frame.at_s > 1")
-    page.wait_for_timeout(1000)
-    keep("log", page.screenshot())
-    keep("timeline", shot(page, "#timeline"))
     page.close()
 
 
@@ -228,70 +199,14 @@ def make_live(browser: Any, folder: Path) -> None:
             live(browser, address)
 
 
-def make_posture(browser: Any, folder: Path) -> None:
-    """Of an arm whose joints have sliders, one of which is held."""
-    words = ("--duration", 600, "--set", PATIENT, "--out", folder / "posture")
-    law = steered_joints(folder)
-    with command(folder, "run", "--robot", "ur5", "--controller", law, *words):
-        wait_for_robot(folder, "ur5")
-        with served(folder, "ur5") as address:
-            page = opened(browser, address, TALL, "light")
-            page.wait_for_selector("#steer:enabled")
-            steer(page)
-            box = page.locator("#postures input").nth(2).bounding_box()
-            page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + box["height"] / 2)
-            page.mouse.down()
-            page.wait_for_timeout(500)
-            insist(page)
-            keep("move", shot(page, "#move"))
-            page.mouse.up()
-            page.close()
-
-
-def make_log(browser: Any, folder: Path) -> None:
-    """Of two logs."""
-    for gamma in (0.5, 0.3):
-        words = [
-            f"controller.parameters.gamma={gamma}",
-            "--duration",
-            3,
-            "--out",
-            folder / f"{gamma}",
-        ]
-        run = [*HOAP3, "run", "--lockstep", "--set", *map(str, words)]
-        subprocess.run(run, check=False)  # 1 where 3 s are too short to come there
-    with served(folder, folder / "0.5", folder / "0.3") as address:
-        log(browser, address)
-
-
-def make_standing(browser: Any, folder: Path) -> None:
-    """Of HOAP-3 that stands by itself on a floor, with the forces under its feet."""
-    words = ("--robot", "hoap3_standing", "--controller", "stable_qp_standing", "--duration", 2)
-    run = [*HOAP3, "run", "--lockstep", *map(str, words), "--out", str(folder / "standing")]
-    subprocess.run(run, check=False)
-    with served(folder, folder / "standing") as address:
-        page = opened(browser, address, WIDE, "light")
-        page.fill("#at", "1.5")
-        page.wait_for_function("() => hoap3.frame.at_s > 1.4")
-        if not page.evaluate("hoap3.frame.contacts.length > 0 && hoap3.frame.zmp !== null"):
-            raise SystemExit("no forces under its feet")
-        page.wait_for_timeout(1000)
-        keep("standing", shot(page, "#view"))
-        page.close()
-
-
-MAKE = {"live": make_live, "posture": make_posture, "log": make_log, "standing": make_standing}
-
-
 def main() -> int:
-    """Make those that are named, or all."""
+    """Make all of them."""
     FOLDER.mkdir(exist_ok=True)
     with sync_playwright() as playwright:
         options = {"executable_path": CHROMIUM, "args": ["--no-sandbox", *SOFTWARE_GL]}
         browser = playwright.chromium.launch(**options)
-        for name in sys.argv[1:] or MAKE:
-            with tempfile.TemporaryDirectory() as folder:
-                MAKE[name](browser, Path(folder))
+        with tempfile.TemporaryDirectory() as folder:
+            make_live(browser, Path(folder))
         browser.close()
     return 0
 
