@@ -7,23 +7,15 @@ from __future__ import annotations
 
 import re
 from importlib import resources
+from pathlib import PurePath
 
-SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
-STATIC = {
-    "/": ("index.html", "text/html; charset=utf-8"),
-    "/style.css": ("style.css", STYLE),
-    "/vendor.css": ("vendor.css", STYLE),
-    "/icon.svg": ("icon.svg", "image/svg+xml"),
-    **{
-        f"/{name}.js": (f"{name}.js", SCRIPT)
-        for name in (
-            *("page", "scene", "panels", "plots", "teleop"),
-            *("connection", "hmac", "beat", "vendor", "posture"),
-            *("colours", "overlays", "robot", "targets", "timeline"),
-        )
-    },
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
 }
-"""Files of `static/` and their types, by where they are found."""
+"""Content types of the files in `static/`, by suffix; others are not served."""
 
 MESH = re.compile(r"/mesh/([0-9a-f]{64})")
 
@@ -61,11 +53,11 @@ def headers(host: str, kind: str, size: int) -> dict[str, str]:
 
 
 def read_static() -> dict[str, tuple[bytes, str]]:
-    """Content and type of all files that are there."""
-    folder = resources.files("hoap3.tools.view") / "static"
+    """Content and type of all files of the page, by path."""
     found = {}
-    for path, (name, kind) in STATIC.items():
-        file = folder / name
-        if file.is_file():
+    for file in (resources.files("hoap3.tools.view") / "static").iterdir():
+        kind = TYPES.get(PurePath(file.name).suffix)
+        if kind is not None:
+            path = "/" if file.name == "index.html" else f"/{file.name}"
             found[path] = file.read_bytes(), kind
     return found

@@ -6,6 +6,7 @@ import asyncio
 import http.client
 import json
 import math
+import re
 import socket
 import threading
 import time
@@ -51,6 +52,21 @@ def get(host: str, path: str, **headers: str) -> http.client.HTTPResponse:
 
 def test_the_address_holds_the_token_where_no_request_does(served):
     assert served.url == f"http://{served.host}/#{served.token}"
+
+
+def test_every_module_that_the_page_imports_is_served(served):
+    waiting, seen = ["/page.js"], set()
+    while waiting:
+        path = waiting.pop()
+        answer = get(served.host, path)
+        assert answer.status == 200, path
+        assert answer.headers["Content-Type"].startswith("text/javascript")
+        seen.add(path)
+        source = answer.read().decode()
+        if path != "/vendor.js":
+            found = re.findall(r"""from ["']\./([a-z]+\.js)["']""", source)
+            waiting += [f"/{name}" for name in found if f"/{name}" not in seen]
+    assert len(seen) > 10
 
 
 def test_what_is_not_listed_is_not_there(served):
