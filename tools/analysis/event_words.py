@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 from hoap3.protocol.messages import Event
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
@@ -81,6 +81,24 @@ def event_name(kind: int, detail: int) -> str:
     if kind == _CONSTANTS["SAFE_STOP"] and detail not in _FORCED:
         return "braking"
     return _NAMES.get(kind, f"unknown event {kind}")
+
+
+def page_event(
+    event: Event, at_s: float, joints: Sequence[str], conditions: Sequence[str] = ()
+) -> dict[str, Any]:
+    """An event as the live page lists it; the last arguments as for `in_words`."""
+    name = event_name(event.kind, event.detail)
+    words = in_words(event.kind, event.detail, joints, conditions)
+    return {
+        "at_s": round(at_s, 6),
+        "label": f"{name}: {words}" if words else name,
+        "severity": severity(event.kind, event.detail),
+    }
+
+
+def page_warning(label: str, at_s: float | None = None) -> dict[str, Any]:
+    """A message of kind `event` for the live page that warns of something."""
+    return {"kind": "event", "at_s": at_s, "label": label, "severity": "warning"}
 
 
 def named(names: Sequence[str], number: int, kind: str) -> str:

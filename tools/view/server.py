@@ -18,6 +18,7 @@ from websockets.http11 import Request, Response
 
 from hoap3.protocol.config.endpoints import zone_fault
 from hoap3.protocol.errors import ConfigError, PortInUseError
+from hoap3.tools.analysis.event_words import page_warning
 from hoap3.tools.analysis.output import bad_connections
 from hoap3.tools.view.access import Gate
 from hoap3.tools.view.files import MESH, headers, read_static
@@ -249,9 +250,7 @@ class PageServer:
             label = f"not all is shown: {type(error).__name__}: {error}"
             if label not in self._failed and len(self._failed) < MOST_FAILED:
                 self._failed.add(label)
-                self.tell_all(
-                    {"kind": "event", "at_s": None, "label": label, "severity": "warning"}
-                )
+                self.tell_all(page_warning(label))
 
     def _greeting(self) -> str:
         """What all pages must know before the first frame, JSON; made once for all that ask."""

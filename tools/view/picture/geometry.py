@@ -7,6 +7,7 @@ instead: those whose content has the digest that `robot.yaml` names, and no othe
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.collision.collision_geometry import rotation
+from hoap3.robot_emulator.robots import available
 from hoap3.robot_emulator.robots.yaml_file import MeshEntry
 from hoap3.tools.picture.meshes import kept_meshes
 from hoap3.tools.picture.solids import solids_of
@@ -51,6 +53,12 @@ def looks_of(description: RobotDescription, robot: str | None = None) -> Looks:
     if robot is not None:
         _add_meshes(looks, description, robot)
     return looks
+
+
+def shipped_robot(emulator: object) -> str | None:
+    """Name of the shipped robot that an emulator's config names, else None; never a path."""
+    named = emulator.get("robot") if isinstance(emulator, Mapping) else None
+    return named if isinstance(named, str) and named in available() else None
 
 
 def primitives(description: RobotDescription) -> dict[str, list[Shape]]:

@@ -18,13 +18,12 @@ from typing import Any
 
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
-from hoap3.robot_emulator.robots import available
-from hoap3.tools.analysis.event_words import event_name, in_words, is_routine
+from hoap3.tools.analysis.event_words import page_event, page_warning
 from hoap3.tools.analysis.verdicts import judge_reported, shown
 from hoap3.tools.services.client import check_name, client_settings
 from hoap3.tools.view.picture.changeable import sliders
 from hoap3.tools.view.picture.frame import Frames, finite
-from hoap3.tools.view.picture.geometry import looks_of
+from hoap3.tools.view.picture.geometry import looks_of, shipped_robot
 from hoap3.tools.view.sources.questions import Answer, Questions
 
 ASK_S = 1.0  # between two questions of how they are
@@ -34,10 +33,6 @@ SKIPS_S = 1.0  # between two words of skipped periods, which on a busy machine a
 OLD_S = 1.0  # without a State for those who look on, after which every State is asked for
 KEPT = 8  # States and Setpoints, of which the newest that fit each other are shown
 EVENTS = 256
-SERIOUS = {
-    *("safe stop", "controller failed", "holder lost", "torque limited", "target stale"),
-    "log lost",
-}
 _CONSTANTS = Event.schema.constants
 
 Kept = deque[tuple[int, bytes]]
@@ -233,7 +228,7 @@ class Live:
         found, event = list[dict[str, Any]](), Event()
         while self._notes:
             label = self._notes.popleft()
-            found.append({"kind": "event", "at_s": None, "label": label, "severity": "warning"})
+            found.append(page_warning(label))
         if len(self._heard) == EVENTS:
             self._note(f"{EVENTS} or more events at once: only the last {EVENTS} are shown")
         while self._heard:
@@ -250,14 +245,7 @@ class Live:
         now = time.monotonic()
         if self._skipped and now > self._told_s + SKIPS_S:
             self._told_s, label = now, f"skipped: periods: {self._skipped}"
-            found.append(
-                {
-                    "kind": "event",
-                    "at_s": self._skipped_at_s,
-                    "label": label,
-                    "severity": "warning",
-                }
-            )
+            found.append(page_warning(label, self._skipped_at_s))
             self._skipped = 0
         return found
 
@@ -271,7 +259,7 @@ class Live:
         description = self._ask.description()
         emulator, about = self._ask.config(), self._ask.control("about") or {}
         now = self._ask.control("show")
-        looks = looks_of(description, self._folder or _known(emulator))
+        looks = looks_of(description, self._folder or shipped_robot(emulator))
         frames = Frames(description, looks, about, emulator)
         return Met(frames, about, None if status is None else _who(status)), now
 
@@ -360,23 +348,10 @@ def _who(status: Answer) -> tuple[Any, Any]:
 
 def told(event: Event, frames: Frames) -> dict[str, Any]:
     """An event as the page has it."""
-    name = event_name(event.kind, event.detail)
-    words = in_words(event.kind, event.detail, frames.description.joint_names)
-    calm = "info" if is_routine(event.kind, event.detail) else "warning"
-    return {
-        "kind": "event",
-        "at_s": round(event.tick * frames.description.period_s, 6),
-        "label": f"{name}: {words}" if words else name,
-        "severity": "error" if name in SERIOUS else calm,
-    }
+    robot = frames.description
+    return {"kind": "event", **page_event(event, event.tick * robot.period_s, robot.joint_names)}
 
 
 def _keep(where: Kept) -> Any:
     """What Zenoh's thread does with a sample."""
     return lambda sample: where.append((time.monotonic_ns(), sample.payload.to_bytes()))
-
-
-def _known(emulator: Answer | None) -> str | None:
-    """The robot that the emulator was started with, if we know that name; never a path."""
-    named = (emulator or {}).get("robot")
-    return named if isinstance(named, str) and named in available() else None

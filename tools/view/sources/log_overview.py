@@ -18,7 +18,7 @@ import numpy as np
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.analysis.event_words import event_name, in_words, is_routine
+from hoap3.tools.analysis.event_words import page_event
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.view.picture.frame import shares_of_limits
 
@@ -240,15 +240,8 @@ class Overview:
         if len(self._events) >= EVENTS:
             self._left_out["events"] += 1
         else:
-            name = event_name(event.kind, event.detail)
-            words = in_words(event.kind, event.detail, self._log.description.joint_names)
-            self._events.append(
-                {
-                    "at_s": round((record.stamp - self._zero) / 1e9, 6),
-                    "label": f"{name}: {words}" if words else name,
-                    "severity": "info" if is_routine(event.kind, event.detail) else "warning",
-                }
-            )
+            at_s, joints = (record.stamp - self._zero) / 1e9, self._log.description.joint_names
+            self._events.append(page_event(event, at_s, joints, self._log.names("conditions")))
 
 
 def _short(value: float) -> float:

@@ -11,11 +11,10 @@ from typing import Any
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.robot_emulator.robots import available
 from hoap3.tools.analysis.verdicts import judge_reported, shown
 from hoap3.tools.logs.log import Log
 from hoap3.tools.view.picture.frame import Frames, rounded
-from hoap3.tools.view.picture.geometry import looks_of
+from hoap3.tools.view.picture.geometry import looks_of, shipped_robot
 from hoap3.tools.view.sources.log_overview import Overview
 from hoap3.tools.view.sources.play_clock import PlayClock
 
@@ -48,7 +47,7 @@ class ShownLog:
         law = theirs or (self.log if self.log.side == "controller" else None)
         about = {"config": law.settings, "extra": _extra(law)} if law else {}
         description = self.log.description
-        named = folder or _known(emulator)
+        named = folder or shipped_robot(emulator)
         self.frames = Frames(description, looks_of(description, named), about, emulator)
         first = self._first_active()
         self.zero, self._skipped = first or (self.log.begin, 0)
@@ -83,8 +82,10 @@ class ShownLog:
         """Return the verdicts on the run as the log states them: `report` derives its own."""
         robot = _summary(self.log) if self.log.side == "robot" else None
         outcome = None if law is None else _summary(law)
-        last = self.log.state_at(self.log.end)
-        skipped = max(last.state.skipped - self._skipped, 0) if last else 0
+        skipped = None  # as the robot's summary counts them
+        if "skipped" not in (robot or {}):
+            last = self.log.state_at(self.log.end)
+            skipped = max(last.state.skipped - self._skipped, 0) if last else 0
         verdicts = shown(judge_reported(robot or {}, outcome, skipped))
         for each in verdicts.values():
             each["words"] = f"as logged: {each['words']}"
@@ -245,9 +246,3 @@ def _body(payload: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _known(emulator: Any) -> str | None:
-    """The robot that the emulator was started with, if we know that name; never a path."""
-    named = emulator.get("robot") if isinstance(emulator, Mapping) else None
-    return named if isinstance(named, str) and named in available() else None

@@ -17,6 +17,7 @@ from threading import Lock
 from typing import Any, TypeVar
 
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
+from hoap3.tools.analysis.event_words import page_warning
 from hoap3.tools.services.connection import Connection
 from hoap3.tools.view.sources.live import Live
 from hoap3.tools.view.steering.motion import Motion
@@ -172,7 +173,7 @@ class Operator:
         """Nobody steers here any more, and who wants to may; all pages are told."""
         self._free()
         self._threads["ask"].submit(self._let_go)
-        self._tell(_event(why))
+        self._tell(page_warning(why))
 
     def _flush(self) -> bool:
         """Send what is due, unless the last is still being sent; whether we still steer."""
@@ -204,7 +205,7 @@ class Operator:
                 more = counting.result()
                 for reason, count in more.items():
                     if count > self._refused.get(reason, 0):
-                        self._tell(_event(f"targets refused: {reason.replace('_', ' ')}"))
+                        self._tell(page_warning(f"targets refused: {reason.replace('_', ' ')}"))
                 self._refused = more
         if self._counting is None and self._sent and now > self._count_s:
             self._count_s, self._sent = now + COUNT_S, False
@@ -288,7 +289,3 @@ def _refused(robot: Connection | None) -> dict[str, int]:
     except Hoap3Error:
         return {}
     return {str(reason): int(count) for reason, count in found.items()}
-
-
-def _event(label: str) -> dict[str, Any]:
-    return {"kind": "event", "at_s": None, "label": label, "severity": "warning"}
