@@ -7,7 +7,6 @@ An HTML comment directly before a fenced block says what the tests do with it:
     <!-- fragment: NAME -->      it replaces keys of that config
     <!-- not run: WHY -->        nothing
     <!-- exits: CODE -->         each of its commands ends with that code, rather than with 0
-    <!-- needs: PAGE -->         the files of another page lie in the folder too
     <!-- prints -->              its lines are among what the block before it printed
 """
 

@@ -10,7 +10,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import patch
@@ -34,7 +33,6 @@ class Story:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._installed = False
         self._printed = ""
         self._names: dict[str, object] = {"__name__": "__main__"}
 
@@ -62,33 +60,19 @@ class Story:
                 exec(compile(block.text, f"line {block.line}", "exec"), self._names)
 
     def write_files(self, name: str) -> None:
-        """Have the files of another page."""
+        """Write the files of a page."""
         for block in blocks(name):
-            if block.word == "file" and block.rest != "pyproject.toml":
+            if block.word == "file":
                 self._write(block)
 
     def _write(self, block: Block) -> None:
         path = self._folder / block.rest
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.text, encoding="utf-8")
-        if path.name == "pyproject.toml":
-            self._install(tomllib.loads(block.text)["project"])
-
-    def _install(self, project: dict) -> None:
-        """What `pip install .` leaves behind, as far as entry points are concerned."""
-        name, version = project["name"].replace("-", "_"), project["version"]
-        info = self._folder / f"{name}-{version}.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Name: {project['name']}\nVersion: {version}\n")
-        lines = []
-        for group, points in project["entry-points"].items():
-            lines += [f"[{group}]", *(f"{key} = {value}" for key, value in points.items())]
-        (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
-        self._installed = True
 
     def _run(self, command: str) -> int:
         words = shlex.split(command, comments=True)
-        paths = [str(self._folder)] if self._installed else []
+        paths: list[str] = []
         while match := _ASSIGNMENT.fullmatch(words[0]):
             paths.append(str(self._folder / match[1]))
             words = words[1:]

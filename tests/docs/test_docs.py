@@ -14,7 +14,7 @@ STORIES = [name for name in NAMES if name not in {"README.md", "wire.md", "troub
 LONG = {"controllers.md", "extending.md", "measuring.md"}
 """Pages that take long, and whose commands and figures other tests look at, too."""
 TOLD = [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in STORIES]
-KNOWN = {"", "file", "fragment", "parsed only", "not run", "exits", "needs", "prints"}
+KNOWN = {"", "file", "fragment", "parsed only", "not run", "exits", "prints"}
 PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller qp12", "PATH": "hoap3"}
 
 
@@ -26,8 +26,6 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
         vendor_folder(tmp_path)
     story = Story(tmp_path)
     for block in blocks(name):
-        if block.word == "needs":
-            story.write_files(block.rest)
         story.play(block)
 
 
