@@ -87,7 +87,7 @@ class PluginGroup:
             loaded = point.load()
         except (Exception, SystemExit) as error:  # nobody else may end us
             problem = f"cannot be imported: {blame(error)}"
-            remedy = "Install its package, or keep its module beside the config file"
+            remedy = "Install its package, keep its module next to the config, or be in its folder"
             raise ConfigError(file, key, name, problem, remedy) from error
         return self._checked(loaded, name, file, key)
 

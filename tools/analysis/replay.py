@@ -7,6 +7,7 @@ Bit identity is promised for the same machine and versions; elsewhere there is a
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from dataclasses import field as made
@@ -117,7 +118,8 @@ def replay(
         path: log of a controller, also an open one, or the folder of a run.
         overrides: changes of the logged settings, as `--set` takes them.
         tolerance: largest difference of a value that counts as equal.
-        allow_code: import what the log names by a dotted path: a controller, a task, a constraint.
+        allow_code: import what the log names by a dotted path: a controller, a task, a constraint;
+            the current folder joins the end of the import path.
         say: takes how far it is, in words.
         note: is told before an error where the software is not that of the log.
         repeated: takes what the controller records again, each summary included.
@@ -159,6 +161,9 @@ def _replay(
             f"{path}: its controller {config.controller!r} is not registered here, and code is not "
             "run on the word of a log. If you trust it, add --allow-code"
         )
+    here = str(Path.cwd())
+    if allow_code and here not in sys.path:
+        sys.path.append(here)
     try:
         with user_code(allowed=allow_code):
             given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say}

@@ -244,6 +244,17 @@ def test_code_is_not_run_on_the_word_of_a_log(first, folder, tmp_path):
     assert (tmp_path / "was_here").exists()
 
 
+@pytest.mark.slow
+def test_code_in_the_current_folder_is_found_where_it_may_run(first, folder, tmp_path, monkeypatch):
+    source = "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller as Near\n"
+    (tmp_path / "near_law.py").write_text(source)
+    copy = rewritten(folder, tmp_path / "copy.mcap", controller="near_law:Near")
+    monkeypatch.chdir(tmp_path)
+    assert hoap3("replay", copy).end() == 2
+    allowed = hoap3("replay", copy, "--allow-code")
+    assert allowed.end() == 0, allowed.stderr
+
+
 def test_the_robots_log_cannot_be_replayed(first, folder):
     assert inside("replay", folder / "robot.mcap").code == 2
 
