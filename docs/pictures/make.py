@@ -11,6 +11,7 @@ import limits
 import matplotlib as mpl
 import moving
 import objective
+import packages
 import ranks
 import rates
 from drawing import STYLE, save
@@ -19,7 +20,7 @@ from matplotlib.figure import Figure
 FOLDER = Path(__file__).parent
 DRAWN = (
     *(objective.gamma, rates.rho, limits.distance),
-    *(moving.circulation, ranks.priorities, gains.gains),
+    *(moving.circulation, ranks.priorities, gains.gains, packages.packages),
 )
 PICTURES: dict[str, Callable[[], Figure]] = {draw.__name__: draw for draw in DRAWN}
 """Every picture, by the name of its file."""
