@@ -98,7 +98,7 @@ def judge(
         "task": _verdict(task["reasons"], expected=expected),
         "limits_and_balance": _verdict(limits["reasons"], expected=expected),
     }
-    task["text"], limits["text"] = _task_words(task), _limits_words(limits)
+    task["text"], limits["text"] = _task_words(task), _limits_words(limits, _missed(counts))
     timing = {key: value for key, value in timing.items() if key != "verdict"}
     return {"verdicts": verdicts, "deadlines": timing, "task": task, "limits_and_balance": limits}
 
@@ -228,13 +228,23 @@ def _task_words(task: Mapping[str, Any]) -> str:
     return "; ".join([*parts, *(["not judged: " + ", ".join(others)] if others else [])])
 
 
-def _limits_words(limits: Mapping[str, Any]) -> str:
+def _missed(counts: Mapping[str, Any]) -> int:
+    """How many answers were late or lost, by the counts of a robot or of a run."""
+    misses = counts.get("misses")
+    if isinstance(misses, Mapping):
+        late, lost = misses.get("late"), misses.get("lost")
+        return late + lost if isinstance(late, int) and isinstance(lost, int) else 0
+    asked, in_time = counts.get("asked"), counts.get("in_time")
+    return asked - in_time if isinstance(asked, int) and isinstance(in_time, int) else 0
+
+
+def _limits_words(limits: Mapping[str, Any], missed: int) -> str:
     parts = [_UNTOLD.get(reason, REASONS[reason]) for reason in limits["reasons"]]
     if limits["held_back"] is not None:
         held = limits["held_back"]
         which = _joint_words(limits.get("held_back_joints"))
         parts.append(f"held back in {held} periods{which}" if held else "no limit held back")
-        parts += _startup_words(limits) if held else []
+        parts += _startup_words(limits, missed) if held else []
     if limits["torque_limited"]:
         parts.append(f"too little torque in {limits['torque_limited']} periods")
     parts += body_words(limits)
@@ -248,7 +258,7 @@ def _limits_words(limits: Mapping[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def _startup_words(limits: Mapping[str, Any]) -> list[str]:
+def _startup_words(limits: Mapping[str, Any], missed: int) -> list[str]:
     """State how many clipped periods belong to a start-up step, the limit, and the remedy."""
     words, at_start, found = [], limits.get("startup_interventions"), limits.get("held_back_limit")
     if at_start:
@@ -258,6 +268,11 @@ def _startup_words(limits: Mapping[str, Any]) -> list[str]:
         limit, value, unit = found["limit"], found["value"], found["unit"]
         remedy = LIMIT_REMEDIES.get(limit, "Ask for less")
         words.append(f"first clipped by the {limit} limit of {value:.4g} {unit}. {remedy}")
+    if missed:
+        words.append(
+            f"{missed} answers were missed: the robot then holds its last setpoint, which clips "
+            "joints that move"
+        )
     return words
 
 

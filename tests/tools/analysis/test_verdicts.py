@@ -145,6 +145,17 @@ def test_limits_name_the_side_that_told_nothing(held_back, outcome, silent, verd
     assert {side for side in ("robot", "controller") if f"from the {side}" in words} == silent
 
 
+@pytest.mark.parametrize(
+    "more", [{"misses": {"late": 2, "lost": 3}}, {"asked": 100, "in_time": 95}]
+)
+def test_missed_answers_are_named_where_joints_were_clipped(more):
+    clipped, free = (
+        judge(IN_TIME, {**counts(held_back, 0), **more}, told()) for held_back in (7, 0)
+    )
+    assert "5 answers" in in_words(clipped)["limits_and_balance"]
+    assert "answers" not in in_words(free)["limits_and_balance"]
+
+
 def test_the_joints_that_were_held_back_are_named():
     joints = {"first": "knee", "first_tick": 12, "most": "hip", "most_periods": 3}
     judged = judge(IN_TIME, {**counts(4, 0), "held_back_joints": joints}, told())
