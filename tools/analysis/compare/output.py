@@ -81,6 +81,7 @@ def show(made: Comparison, files: Sequence[Path]) -> None:
     for each in made.findings:
         results.print(each, style="yellow", markup=False, soft_wrap=True)
     results.print(", ".join(map(str, files)), markup=False, soft_wrap=True)
+    results.print("definitions of the rows: in the page, or `hoap3 help measuring`", markup=False)
 
 
 def _times(timing: dict[str, Any], labels: Sequence[str]) -> Table:
