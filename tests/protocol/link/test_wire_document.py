@@ -120,11 +120,3 @@ def test_the_client_of_the_page_follows_a_robot(network, tmp_path, lockstep):
     if lockstep:  # `release` may come in time for the next tick, or while that waits
         assert counts["in_time"] == 200
         assert counts["asked"] in {200, 201}
-
-
-def test_the_join_example_is_a_config_that_zenoh_takes():
-    import zenoh
-
-    text = re.search(r'from_json5\("""(.*?)"""\)', PAGE, re.DOTALL)[1]
-    config = zenoh.Config.from_json5(text)
-    assert json.loads(config.get_json("mode")) == "client"

@@ -63,7 +63,7 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "robot import": ("robot", "import", UR5, "--out", "{out}"),
     "robot check": ("robot", "check", UR5),
     "trajectory check": ("trajectory", "check", WAVE, "--robot", "ur5"),
-    "help": ("help", "view"),
+    "help": ("help", "live"),
     "trajectory from": ("trajectory", "from", "{log}", "--out", "{out}.csv"),
 }
 """What needs no robot that runs."""
