@@ -178,9 +178,7 @@ WORDS = (
     Word(
         "switching_per_s", "switching", "1/s", "How often any joint starts or stops being active."
     ),
-    Word(
-        "violations.position", "beyond a position limit", "", "Setpoints outside the range."
-    ),
+    Word("violations.position", "beyond a position limit", "", "Setpoints outside the range."),
     Word("violations.speed", "beyond a speed limit", "", "Answers with a joint too fast."),
     Word("violations.margin", "margin below zero", "", "Certificates with a margin < −10⁻⁶."),
     Word("margin_min", "smallest margin", "unit of its constraint", "Of any certificate."),
