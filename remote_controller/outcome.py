@@ -63,7 +63,7 @@ class Outcome:
                 self._invalid.update(invalid)
 
     def as_json(self) -> dict[str, Any]:
-        """All of it as a JSON object; docs/guides/logs.md has the keys.
+        """All of it as a JSON object; docs/start/concepts.md defines the keys.
 
         Raises:
             Exception: whatever `task_errors` of the controller raises.

@@ -2,7 +2,7 @@
 
 They are within the joint's greatest one, no farther than JT from the last one, such that they can
 be released before the velocity is too great, and such that the joint can brake before its walls.
-There always are some: docs/theory/bounds.md has the proof.
+There always are some: docs/internals/proofs.md has the proof.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A client first sends two doubles, the cycle time [ms] and the check time [s], which together say
 how many exchanges follow. In an exchange each end sends one frame: 21 doubles, or 22 whose last
-one means nothing. docs/reference/wire.md tells the whole.
+one means nothing. See docs/reference/wire.md.
 """
 
 from __future__ import annotations
