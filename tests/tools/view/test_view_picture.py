@@ -343,6 +343,13 @@ def test_the_speed_of_a_joint_is_judged_by_its_limit(hoap3_frames, state):
     assert found["speed_share"] == pytest.approx(50.0)
 
 
+def test_speeds_and_efforts_that_are_no_numbers_are_not_shown_as_zero(hoap3_frames, state):
+    state.dq[3], state.tau[4] = math.nan, math.inf
+    found = hoap3_frames.frame(state, None)
+    assert found["dq"][3] is found["tau"][4] is None
+    assert found["dq"][2] is not None
+
+
 def test_a_joint_at_its_limit_uses_all_of_its_range(hoap3_frames, state):
     state.q[:] = (HOAP3.lower + HOAP3.upper) / 2.0
     assert hoap3_frames.frame(state, None)["values"]["position_share"] == pytest.approx(0.0)

@@ -72,7 +72,7 @@ def page(content: Content) -> str:
         given,
         kind="report",
         title=f"{content.robot} · {content.controller}",
-        headline=headline(content.judged),
+        headline=headline(content.judged, content.checked.verdict),
         sections={name: title for name, title in SECTIONS.items() if filled.get(name, True)},
         content=content,
         drawings=drawings,
@@ -86,23 +86,23 @@ def page(content: Content) -> str:
     )
 
 
-def headline(judged: Mapping[str, Any]) -> str:
+def headline(judged: Mapping[str, Any], verified: str) -> str:
     """State in one sentence whether the run passed, and why not.
 
     Args:
         judged: has the keys that `judge` returns.
+        verified: the result of the verification.
     """
     verdicts, words = judged["verdicts"], in_words(judged)
-    for verdict, begin in ((FAIL, "Failed"), (WARN, "Passed with a warning")):
-        found = [key for key in QUESTIONS if verdicts[key] == verdict]
-        if found:
-            return f"{begin}: " + "; ".join(
-                f"{NAMES[key]} ({words[key].partition('; ')[0]})" for key in found
-            )
-    open_ = [NAMES[key] for key in QUESTIONS if verdicts[key] == NOT_JUDGED]
-    if open_:
-        return f"Nothing failed, but not judged: {', '.join(open_)}"
-    return "Passed: within tolerance at the end, in time, and within all limits"
+    found = []
+    for verdict, begin in ((FAIL, "Failed"), (WARN, "Warning"), (NOT_JUDGED, "Not judged")):
+        keys = [key for key in QUESTIONS if verdicts[key] == verdict]
+        if keys:
+            reasons = (f"{NAMES[key]} ({words[key].partition('; ')[0]})" for key in keys)
+            found.append(f"{begin}: {', '.join(reasons)}")
+    if verified == "false":
+        found.insert(0, "Verification failed: numbers in the log are not what follows from it")
+    return ". ".join(found) or "Passed: within tolerance at the end, in time, and within all limits"
 
 
 def write_report(
@@ -234,7 +234,7 @@ def tiles(content: Content) -> list[Tile]:
     if motion is not None and (nearest := motion.nearest_limit) is not None:
         joint, room = nearest
         clamped = content.judged["limits_and_balance"]["held_back"]
-        notes = [joint, "of its usable range"]
+        notes = [joint, f"of its usable range, n {count(len(motion.range_used))} States"]
         if clamped is not None:
             notes.append(f"clamped in {count(clamped)} periods" if clamped else "no joint clamped")
         found.append(("figure-positions", "nearest joint limit", f"{number(room)} %", notes))

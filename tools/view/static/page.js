@@ -31,9 +31,9 @@ const stage = new Stage(at("stage"));
 const connection = new Connection(location.hash.slice(1));
 const targets = new Targets(stage, connection);
 const sliders = new Sliders(connection);
-const poses = new Poses(connection);
+const poses = new Poses(connection, () => page.acting === null && page.frame?.mode === "active");
 const teleop = new Teleop(connection, {
-  stop: () => ask("stop"),
+  stop: () => stop(),
   driving: (on) => targets.arm(steering && !on),
   turn: (name, three, tool) => targets.find(name)?.turn(three, tool) ?? three,
 });
@@ -221,8 +221,10 @@ function say() {
 /** Why this page cannot command the robot, and what to do. */
 function readOnly() {
   if (!page.hello?.writes) return "Read-only: hoap3 view was started without commands.";
+  if (!connection.token) return "Read-only: the address has no token. Open the address that hoap3 view printed.";
   if (page.refused) return "Read-only: the token in the address is wrong. Open the address that hoap3 view printed.";
-  return "Read-only: the address has no token. Open the address that hoap3 view printed.";
+  const open = connection.socket.readyState === WebSocket.OPEN;
+  return open ? "Checking the token." : "No connection to the server of this page.";
 }
 
 /** The banner over the picture: how old it is when none comes. */
@@ -243,8 +245,9 @@ function ask(verb) {
   connection.act({ verb }, answered);
 }
 
-/** Stops the robot; a page without a valid token explains who can. */
+/** Stops the robot; a page that cannot explains why, and what can. */
 function stop() {
+  poses.cancel();
   if (connection.proved) ask("stop");
   else complain(`Not stopped. ${readOnly()} Or run: hoap3 stop ${page.hello?.robot ?? ""}`);
 }

@@ -81,7 +81,8 @@ export class Joints {
 
   /** @param {{q: number[], dq: number[], tau: number[]}} frame */
   show({ q, dq, tau }) {
-    this.feels ||= tau.some((each) => each !== 0); // a plant without forces sends zeros
+    this.hasForces ||= tau.some((each) => each); // a plant without forces sends zeros
+    const shown = (value, digits) => (value === null ? "–" : value.toFixed(digits));
     this.rows.forEach(({ row, dot, value, rates, unit, turns, lower, upper, velocity, effort }, i) => {
       const angle = turns ? Math.atan2(Math.sin(q[i]), Math.cos(q[i])) : q[i];
       const share = Math.min(1, Math.max(0, (angle - lower) / (upper - lower)));
@@ -90,8 +91,8 @@ export class Joints {
       dot.style.left = `${(100 * share).toFixed(2)}%`;
       row.classList.toggle("near", near);
       write(value, `${near ? "▲ " : ""}${q[i].toFixed(2)} ${unit}`);
-      const torque = this.feels ? ` · ${tau[i].toFixed(1)} ${unit === "m" ? "N" : "N m"}` : "";
-      write(rates, `${dq[i].toFixed(2)} ${unit}/s${torque}`);
+      const torque = this.hasForces ? ` · ${shown(tau[i], 1)} ${unit === "m" ? "N" : "N m"}` : "";
+      write(rates, `${shown(dq[i], 2)} ${unit}/s${torque}`);
     });
   }
 }

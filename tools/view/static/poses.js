@@ -3,6 +3,8 @@
 import { at, make, write } from "./panels.js";
 
 const DEG = 180 / Math.PI;
+const SENDS = 10; // of a target that is entered: a full link drops messages
+const EACH_MS = 100; // between two of them
 const AXES = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 /** Of these six, those that a kind of target has. */
@@ -80,6 +82,7 @@ class Pose {
 
   /** Puts the pose of now into the fields. */
   copy() {
+    if (!this.values) return; // not known yet
     const from = this.parts[0];
     this.fields.forEach((field, i) => (field.value = this.values[i].toFixed(decimals(i + from))));
   }
@@ -98,9 +101,30 @@ class Pose {
 
 /** Of each target that has a pose; of a controller without one, of the points of its tasks. */
 export class Poses {
-  /** @param {import("./connection.js").Connection} connection */
-  constructor(connection) {
-    Object.assign(this, { connection, all: [], armed: false, ofTasks: true });
+  /**
+   * @param {import("./connection.js").Connection} connection
+   * @param {() => boolean} isFree whether nothing else moves a target and the robot is active
+   */
+  constructor(connection, isFree) {
+    Object.assign(this, { connection, isFree, all: [], armed: false, ofTasks: true });
+  }
+
+  /** Sends a target several times, unless something else happens meanwhile. */
+  #send(name, values) {
+    this.cancel();
+    let left = SENDS;
+    const once = () => {
+      left -= 1;
+      if (!this.armed || !this.isFree() || left < 0) return this.cancel();
+      this.connection.act({ verb: "target", name, values });
+    };
+    this.timer = setInterval(once, EACH_MS);
+    once();
+  }
+
+  /** Sends the entered target no more. */
+  cancel() {
+    clearInterval(this.timer);
   }
 
   /**
@@ -108,12 +132,13 @@ export class Poses {
    * @param {object} frame the newest
    */
   set(targets, frame) {
+    this.cancel();
     this.ofTasks = !targets.some(({ kind }) => kind in PARTS);
     this.all = this.ofTasks
       ? frame.frames.map(({ name }) => new Pose(name, "the world", PARTS.frame_pose, null))
       : targets.map(({ name, kind, reference }) => {
           if (!(kind in PARTS)) return null;
-          const send = (values) => this.connection.act({ verb: "target", name, values });
+          const send = (values) => this.#send(name, values);
           return new Pose(name, reference ?? "the world", PARTS[kind], send);
         });
     at("poses").replaceChildren(...this.all.filter(Boolean).map(({ box }) => box));
@@ -129,6 +154,7 @@ export class Poses {
 
   arm(on) {
     this.armed = on;
+    if (!on) this.cancel();
     for (const each of this.all) each?.arm(on);
   }
 }

@@ -8,7 +8,7 @@ import pytest
 from support.html_page import Page
 
 from hoap3.tools.analysis.report.content import read_content
-from hoap3.tools.analysis.report.page import POLICY, SECTIONS, page
+from hoap3.tools.analysis.report.page import POLICY, SECTIONS, headline, page
 
 MOTION = ["views", "sole", "path", "positions", "v", "psi", "u", "active"]
 CERTIFICATES = ["rho", "margin"]
@@ -80,6 +80,17 @@ def test_the_first_line_names_the_verdict_that_failed(still):
     (lead,) = still.root.all("p", "lead")
     assert lead.text().startswith("Failed: task (")
     assert "deadlines" not in lead.text()
+
+
+def test_the_first_line_is_not_green_where_something_is_open_or_false():
+    told = {key: {"text": "why; more"} for key in ("task", "deadlines", "limits_and_balance")}
+    good = dict.fromkeys(told, "pass")
+    assert headline({**told, "verdicts": good}, "true").startswith("Passed")
+    assert headline({**told, "verdicts": good}, "false").startswith("Verification failed")
+    mixed = {**good, "deadlines": "warn", "task": "not judged"}
+    assert headline({**told, "verdicts": mixed}, "true") == (
+        "Warning: deadlines (why). Not judged: task (why)"
+    )
 
 
 def test_a_run_in_lockstep_shows_the_motion_and_no_section_of_times(still):

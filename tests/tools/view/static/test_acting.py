@@ -219,10 +219,20 @@ def test_a_pose_that_is_entered_becomes_the_target(page, view):
     for axis, value in {"x": 0.25, "y": -0.1, "z": 0.5, "roll": 0, "pitch": 0, "yaw": 90}.items():
         page.fill(f"[aria-label='Target hand {axis}']", str(value))
     page.locator(".pose", has_text="hand").locator("text=Move to target").click()
+    wait_for(page, view, "target", 10)  # a message may be lost
+    no_more(page, view, "act")
+    for _, do in targets(view):
+        assert do["name"] == "hand"
+        assert do["values"] == pytest.approx([0.25, -0.1, 0.5, 0.0, 0.0, quarter, quarter])
+
+
+def test_an_entered_pose_is_sent_no_more_after_a_stop(page, view):
+    page.locator(".pose", has_text="hand").locator("text=Move to target").click()
     wait_for(page, view, "target")
-    ((_, do),) = targets(view)
-    assert do["name"] == "hand"
-    assert do["values"] == pytest.approx([0.25, -0.1, 0.5, 0.0, 0.0, quarter, quarter])
+    page.keyboard.press("Escape")
+    wait_for(page, view, "stop")
+    no_more(page, view, "act")
+    assert view.verbs()[-1] == "stop"
 
 
 def test_an_empty_field_sends_nothing_and_the_pose_now_can_be_copied(page, view):
