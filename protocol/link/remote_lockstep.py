@@ -126,6 +126,7 @@ class RemoteLockstepLink(LockstepLink):
                 return None  # it is in flight
             self._gather()
             if any(self._leaves(request) for request in self._waiting):
+                self._receive((session_id, tick, epoch))  # what it sent just before it left
                 return None
             now = time.monotonic()
             if now - began > GIVE_UP_S:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
@@ -10,6 +12,7 @@ from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link import remote_lockstep
+from hoap3.protocol.link.base import Request
 from hoap3.protocol.link.local_control import LocalControl, local_robots
 from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink, key
@@ -115,6 +118,34 @@ def test_what_is_no_answer_to_this_tick_does_not_end_the_waiting(bench, network)
     bench.clock.advance(COMPUTE_TIME)
     found = [payload for _, payload in bench.robot.drain()]
     assert found == [*others, setpoint(7)]
+
+
+def test_an_answer_that_its_sender_leaves_behind_arrives_at_its_tick():
+    """The answer and the release come after the link looked for answers, before requests."""
+
+    class Inner:
+        arrival = threading.Event()
+
+        def __init__(self) -> None:
+            self.answers: list[tuple[int, bytes]] = []
+
+        def publish(self, payload: bytes) -> None:
+            self.arrival.set()
+
+        def requests(self) -> Iterator[Request]:
+            self.answers.append((0, setpoint(7)))
+            yield Request("release", "test", lambda answer: None)
+
+        def drain(self) -> list[tuple[int, bytes]]:
+            found, self.answers = self.answers, []
+            return found
+
+    clock = VirtualClock()
+    robot = RemoteLockstepLink(Inner(), clock, COMPUTE_TIME, lambda: False)
+    robot._holder = "test"
+    robot.publish(state(7))
+    clock.advance(1_000_000)
+    assert robot.drain() == [(COMPUTE_TIME, setpoint(7))]
 
 
 @pytest.mark.parametrize("mode", [State.IDLE, State.STOPPING, State.STOPPED])
