@@ -138,6 +138,6 @@ def test_an_intruders_stamps_enter_no_figure(lie, first):
 def test_each_followed_answer_is_in_the_figures_once():
     bench = attacked({"values": 0.1}, {})
     bench.run(200)
-    found = statistics(bench).summary()
+    found = statistics(bench).figures()
     assert found["rtt_us"]["n"] == bench.robot.validator.deadlines.asked
     assert found["rtt_us"]["max"] == pytest.approx(1.0, rel=1e-2)

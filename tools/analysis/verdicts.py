@@ -13,6 +13,7 @@ from hoap3.tools.analysis.deadline_verdict import (
     NOT_JUDGED,
     PASS,
     judge_counts,
+    judge_deadlines,
     unknown_deadlines,
 )
 
@@ -33,6 +34,7 @@ CERTIFIED_SHARE = 0.95
 NAMES = {"deadlines": "deadlines", "task": "task", "limits_and_balance": "limits and balance"}
 MOST_CONDITIONS = 3  # in words
 
+COUNT_LOST = "count_lost"
 NOT_TOLD, NOT_TOLD_BY_ROBOT = "not_told_by_controller", "not_told_by_robot"
 NO_TARGET, DAMAGED = "no_target", "damaged"
 NOT_REACHED, NOT_CERTIFIED = "not_reached", "not_certified"
@@ -101,6 +103,29 @@ def judge(
     task["text"], limits["text"] = _task_words(task), _limits_words(limits, _missed(counts))
     timing = {key: value for key, value in timing.items() if key != "verdict"}
     return {"verdicts": verdicts, "deadlines": timing, "task": task, "limits_and_balance": limits}
+
+
+def judge_run(
+    figures: Mapping[str, Any],
+    counts: Mapping[str, Any],
+    outcome: Mapping[str, Any] | None,
+    *,
+    expected: bool = False,
+) -> dict[str, Any]:
+    """`judge` a run that was observed while it went on.
+
+    Args:
+        figures: as of `judge_deadlines`.
+        counts: of the robot's own summary; empty where that is lost.
+        outcome: as of `judge`.
+        expected: answers and an outcome are required; without them, verdicts fail.
+    """
+    deadlines = unknown_deadlines(COUNT_LOST, "the robot's own count is lost", FAIL)
+    if counts:
+        deadlines = judge_deadlines(figures, counts.get("misses_to_stop"))
+    if expected and deadlines["verdict"] == NOT_JUDGED:
+        deadlines["verdict"] = FAIL
+    return judge(deadlines, {**counts, **figures}, outcome, expected=expected)
 
 
 def judge_reported(

@@ -146,14 +146,15 @@ class ObserverResult:
         side: "robot" or "controller".
         paths: files of the log.
         states: how many it holds.
-        summary: of a robot's run.
+        figures, counts: of a robot's run, `counts` are the robot's own.
         certificates, outcome: of a controller, `outcome` is its own summary.
     """
 
     side: str
     paths: tuple[Path, ...] = ()
     states: int = 0
-    summary: dict[str, Any] | None = None
+    figures: dict[str, Any] | None = None
+    counts: dict[str, Any] = field(default_factory=dict)
     certificates: dict[str, Any] | None = None
     outcome: dict[str, Any] | None = None
 

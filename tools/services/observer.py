@@ -360,9 +360,10 @@ class _LogKeeper:
                 self._paths = self._writer.paths
         result = ObserverResult(self._config.side, tuple(self._paths), self._states)
         if self._is_robot:
-            summary = self._statistics.summary()
-            summary["realtime"] = [*summary["realtime"], *self._obtained]
-            result = replace(result, summary={**summary, "dropped_records": dropped})
+            figures = self._statistics.figures()
+            figures["realtime"] = [*figures["realtime"], *self._obtained]
+            figures["dropped_records"] = dropped
+            result = replace(result, figures=figures, counts=self._statistics.counts)
         else:
             certificates = self._certificates.figures()
             result = replace(result, certificates=certificates, outcome=self._outcome)

@@ -21,8 +21,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.jerk import jerk_notes
 from hoap3.robot_emulator.robots.mimic_limits import mimic_joint_notes
 from hoap3.tools.analysis.certificates import CountingRecorder
-from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED
-from hoap3.tools.analysis.verdicts import judge
+from hoap3.tools.analysis.verdicts import judge_run
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.processes import (
@@ -212,15 +211,14 @@ def run_lockstep(
             forget(results.values())
     lost = [observer.lost for observer in observers.values() if observer.lost]
     robot = results["robot"]
-    if robot is None or robot.summary is None or None in results.values():
+    if robot is None or robot.figures is None or None in results.values():
         raise Hoap3Error("; ".join(lost))
-    summary = robot.summary
-    summary["log_lost"] = lost
-    summary["metrics_lost"] = [o.unserved for o in observers.values() if o.unserved]
     controlled = results.get("controller") or ObserverResult(
         "controller", certificates=unlogged.count.figures(), outcome=unlogged.outcome
     )
-    _join(summary, controlled)
+    summary = _joined(robot, robot.figures, controlled)
+    summary["log_lost"] = lost
+    summary["metrics_lost"] = [o.unserved for o in observers.values() if o.unserved]
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
@@ -242,7 +240,6 @@ class _Services:
         self._children: dict[str, Child] = {}
         self._pipes: dict[Connection, str] = {}
         self.last_text = ""
-        self.summary: dict[str, Any] | None = None
         self.failure: Hoap3Error | None = None
         self.failed = ""  # the one that failed
         self.results: dict[str, ObserverResult] = {}  # of both observers
@@ -277,20 +274,25 @@ class _Services:
         self.stop()
         if self.failure is not None:
             raise self.failure
-        if self._stop() and not (self.summary and self.summary["ticks"]):
+        robot = self.results.get("robot", ObserverResult("robot"))
+        if self._stop() and not (robot.figures and robot.figures["ticks"]):
             raise Hoap3Error("interrupted before the motion began")
         if failed:
             raise Hoap3Error(self._failure("the controller ended before the robot did"))
         if emulator.returncode < 0:
             number = -emulator.returncode
             raise Hoap3Error(f"the robot was killed by signal {number}: its count is not whole")
-        if self.summary is None:
+        if robot.figures is None:
             without = self._failure("the robot ended without a summary")
             raise Hoap3Error("; ".join(self.damage) or without)
-        self.summary["log_lost"] = self.damage
-        self.summary["metrics_lost"] = self.unserved
-        _join(self.summary, self.results.get("controller", ObserverResult("controller")))
-        return {**self.summary, "interrupted": self._stop(), "duration_s": duration}
+        controller_result = self.results.get("controller", ObserverResult("controller"))
+        return {
+            **_joined(robot, robot.figures, controller_result),
+            "log_lost": self.damage,
+            "metrics_lost": self.unserved,
+            "interrupted": self._stop(),
+            "duration_s": duration,
+        }
 
     def stop(self) -> None:
         """End both, the robot first: it comes to rest while its controller still answers."""
@@ -310,7 +312,8 @@ class _Services:
     def refused(self) -> bool:
         """Whether a service failed, or was stopped, before a State had reached the controller."""
         result = self.results.get("controller", ObserverResult("controller"))
-        interrupted = self._stop() and not (self.summary or {}).get("ticks")
+        robot = self.results.get("robot", ObserverResult("robot"))
+        interrupted = self._stop() and not (robot.figures or {}).get("ticks")
         return (interrupted or self.failure is not None) and nothing_happened(result)
 
     def _listen(self, timeout: float) -> bool:
@@ -341,28 +344,20 @@ class _Services:
                 self.failed = service
             case ObserverResult():
                 self.results[message.side] = message
-                self.summary = message.summary or self.summary
         self._on_message(message)
 
     def _failure(self, what: str) -> str:
         return f"{what}; last heard: {self.last_text}" if self.last_text else what
 
 
-def _join(summary: dict[str, Any], controller: ObserverResult) -> None:
-    """Put what the controller alone knows into the robot's summary.
-
-    Args:
-        summary: of the robot; changed.
-        controller: of the controller's observer.
-    """
+def _joined(
+    robot: ObserverResult, figures: dict[str, Any], controller: ObserverResult
+) -> dict[str, Any]:
+    """Figures and verdicts of a run, from what the observers of both sides have counted."""
     theirs = controller.certificates
-    if summary["certificates"] and theirs:
-        summary["certificates"]["reasons"] = theirs["reasons"]
-    verdict = summary["verdicts"]["deadlines"]
-    verdict = FAIL if verdict == NOT_JUDGED else verdict  # answers should have been requested
-    deadlines = {"verdict": verdict, **summary["deadlines"]}
-    counts = {**summary["limits_and_balance"], **summary}
-    summary |= judge(deadlines, counts, controller.outcome, expected=True)
+    if figures["certificates"] and theirs:
+        figures["certificates"]["reasons"] = theirs["reasons"]
+    return {**judge_run(figures, robot.counts, controller.outcome, expected=True), **figures}
 
 
 def _watched(

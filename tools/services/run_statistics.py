@@ -15,8 +15,6 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.certificate import checked_status
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.analysis.certificates import CertificateCount, reasons_on_wire
-from hoap3.tools.analysis.deadline_verdict import FAIL, judge_deadlines, unknown_deadlines
-from hoap3.tools.analysis.verdicts import judge
 from hoap3.tools.machine.stalls import FOREVER, OutsideStalls
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
@@ -29,8 +27,6 @@ _STATE = (  # in the order of the schema: quickest to read
     "lost", "duplicate", "out_of_order", "rejected", "success_rate",
 )  # fmt: skip
 
-
-COUNT_LOST = "count_lost"
 _NO_CERTIFICATE = Setpoint.schema.constants["STATUS_NONE"]
 
 
@@ -109,9 +105,14 @@ class RunStatistics:
         """|e|, from V = |e|²/2 of the last certificate."""
         return math.sqrt(2.0 * self._v) if self._v >= 0.0 else math.nan
 
-    def summary(self) -> dict[str, Any]:
-        """The whole, as `run --json` prints it, but for what the controller alone knows."""
-        robot, state = self._summary or {}, self.state
+    @property
+    def counts(self) -> dict[str, Any]:
+        """What the robot counted itself; empty where its summary is lost."""
+        return self._summary or {}
+
+    def figures(self) -> dict[str, Any]:
+        """Figures as `run --json` prints them, without verdicts."""
+        robot, state = self.counts, self.state
         run_rate = robot.get("run_rate") if robot.get("asked") else None
         safe_stops = robot.get("safe_stops", 0)
         skipped = self._skipped_active
@@ -154,10 +155,7 @@ class RunStatistics:
             result["wakeup_us"] = self.wakeup.summary()
             result["jitter_us"] = self._jitter.summary()
             result["stages_us"] = {name: stage.summary() for name, stage in self.stages.items()}
-        deadlines = unknown_deadlines(COUNT_LOST, "the robot's own count is lost", FAIL)
-        if robot:
-            deadlines = judge_deadlines(result, robot.get("misses_to_stop"))
-        return {**judge(deadlines, {**robot, **result}, None), **result}
+        return result
 
     def _outside(self, in_time: int) -> tuple[int | None, float | None]:
         """Misses and skipped ticks that no stall excuses, and the success rate without the others.

@@ -33,7 +33,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve
 from hoap3.tools.analysis.output import Meter, print_line, watch_compilation
 from hoap3.tools.analysis.result_folder import new_name, remove_if_empty
-from hoap3.tools.analysis.verdicts import failed
+from hoap3.tools.analysis.verdicts import failed, judge_run
 from hoap3.tools.logs.log_format import SIDES, file_name
 from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of
 from hoap3.tools.logs.pruning import prune
@@ -232,8 +232,9 @@ def run_emulator(
                 )
         except Hoap3Error as error:
             return voice.fail(error), None
-    summary = observer.result.summary if observer.result is not None else None
-    if summary is not None:
+    result, summary = observer.result, None
+    if result is not None and result.figures is not None:
+        summary = {**judge_run(result.figures, result.counts, None), **result.figures}
         summary["log_lost"] = [observer.lost] if observer.lost else []
         summary["metrics_lost"] = [observer.unserved] if observer.unserved else []
         summary |= told(service.config.link.kind + (", virtual time" if lockstep else ""), folder)

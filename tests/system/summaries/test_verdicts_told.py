@@ -20,6 +20,7 @@ from support.command_bench import (
 
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.analysis.verdicts import judge_run
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.simulate import Lockstep
@@ -70,7 +71,8 @@ def test_the_robot_alone_says_what_the_wire_tells():
     statistics = RunStatistics(1_000_000, timing=False)
     for record in log.records:
         statistics.add(record)
-    summary = statistics.summary()
+    summary = statistics.figures()
+    summary |= judge_run(summary, statistics.counts, None)
     assert summary["verdicts"] == {**GOOD, "task": "not judged", "limits_and_balance": "not judged"}
     assert summary["task"]["reasons"] == ["not_told_by_controller"]
     (reasons,) = summary["certificates"]["reasons"].values()
@@ -154,6 +156,7 @@ def test_interventions_are_counted_and_not_certified(tmp_path):
 
 STEP = """
 import numpy as np
+from hoap3.tools.analysis.verdicts import judge_run
 from hoap3.remote_controller.controllers.base import VelocityController
 
 

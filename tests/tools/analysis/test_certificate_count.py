@@ -169,9 +169,9 @@ def test_of_a_robots_log_each_tick_counts_once_also_after_a_stop():
             statistics.add(answer(CERTIFIED, 0))  # a duplicate
     statistics.add(answer(CERTIFIED, 9))  # to nothing that it has asked
     statistics.add(answer(CERTIFIED, 3, number=8))
-    found = statistics.summary()["certificates"]
+    found = statistics.figures()["certificates"]
     assert (found["n"], found["infeasible"]) == (3, 3)
-    assert statistics.summary()["final_error"] == 0.0
+    assert statistics.figures()["final_error"] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hoap3.tools.analysis.summary import final_error_words, show_summary
+from hoap3.tools.analysis.verdicts import judge_run
 from hoap3.tools.services.run_statistics import RunStatistics
 
 
@@ -42,7 +43,8 @@ def test_a_controller_without_v_is_not_said_to_have_no_error(nothing, errors):
 
 
 def test_the_summary_has_that_row(capsys):
-    summary = RunStatistics(1_000_000, timing=False).summary()
+    summary = RunStatistics(1_000_000, timing=False).figures()
+    summary |= judge_run(summary, {}, None)
     summary |= {"log": None, "machine": {}, "transport": "none", "final_error": 0.0123}
     summary["task"]["errors"] = [in_unit("m") | {"judged": True, "note": ""}]
     show_summary(summary)

@@ -18,9 +18,8 @@ from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
+from hoap3.tools.analysis.verdicts import judge_run
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
-from hoap3.tools.services.messages import ObserverResult
-from hoap3.tools.services.run import _join
 from hoap3.tools.services.run_statistics import RunStatistics
 from hoap3.tools.services.simulate import Lockstep
 from hoap3.tools.view.sources import live
@@ -180,8 +179,8 @@ def test_the_page_shows_the_verdicts_of_the_terminal(network, source):
     statistics = RunStatistics(1_000_000, timing=False)
     for record in recorded.records:
         statistics.add(record)
-    terminal = statistics.summary()
-    _join(terminal, ObserverResult("controller", outcome=lockstep.controller_loop.summary))
+    outcome = lockstep.controller_loop.summary
+    terminal = judge_run(statistics.figures(), statistics.counts, outcome, expected=True)
     network.counts = json.loads(json.dumps(lockstep.robot.summary()))
     network.outcome = lockstep.controller_loop.summary
     verdicts = judged(network, source)

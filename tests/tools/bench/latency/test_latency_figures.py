@@ -163,7 +163,7 @@ def test_counts_and_times_are_those_of_the_summary_of_a_run(tmp_path):
     statistics = RunStatistics(MS)
     for record in robot:
         statistics.add(record)
-    run, ours = statistics.summary(), tick_figures([TickTable.from_run(story.write(tmp_path))])
+    run, ours = statistics.figures(), tick_figures([TickTable.from_run(story.write(tmp_path))])
     for name in ("p50", "p90", "max", "n"):
         assert ours["rtt_us"][name] == pytest.approx(run["rtt_us"][name], rel=2e-3)
         assert ours["wakeup_us"][name] == pytest.approx(run["wakeup_us"][name], rel=2e-3)
@@ -196,7 +196,7 @@ def test_misses_outside_stalls_are_those_of_the_summary_of_a_run(tmp_path_factor
     for record in story.records()[0]:
         statistics.add(record)
     outside.take()
-    run = statistics.summary()
+    run = statistics.figures()
     ours = tick_figures([TickTable.from_run(story.write(tmp_path_factory.mktemp("run")))])
     assert ours["misses_outside_stalls"] == run["misses_outside_stalls"]
     assert ours["host_stalls"] == pytest.approx(run["host_stalls"])
