@@ -109,7 +109,7 @@ class NotInstalledError(UnknownNameError):
     """
 
     def __init__(self, kind: str, name: str, package: str) -> None:
-        problem = f"the {kind} {name!r} is known, but not installed"
+        problem = f"the {kind} {name!r} is not installed"
         UsageError.__init__(self, f"{problem}: pip install {package}")
         self.kind, self.name, self.known, self.nearest = kind, name, [name], None
         self.package = package

@@ -6,7 +6,9 @@ import hashlib
 import json
 import math
 import struct
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -20,7 +22,7 @@ from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.collision.collision_geometry import rotation as rotation_of
 from hoap3.tools.view.picture.changeable import sliders
 from hoap3.tools.view.picture.contacts import Contacts
-from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.frame import Frames, shares_of_limits
 from hoap3.tools.view.picture.geometry import looks_of, primitives, quaternion
 
 ROBOTS = ("hoap3", "ur5", "lwr", "baxter_left_arm", "humanoid32")
@@ -355,6 +357,16 @@ def test_a_joint_at_its_limit_uses_all_of_its_range(hoap3_frames, state):
     assert hoap3_frames.frame(state, None)["values"]["position_share"] == pytest.approx(0.0)
     state.q[5] = HOAP3.upper[5]
     assert hoap3_frames.frame(state, None)["values"]["position_share"] == pytest.approx(100.0)
+
+
+def test_a_joint_without_limits_uses_none_of_its_range():
+    """Its middle, inf - inf, is not computed: numpy would warn in the user's terminal."""
+    lower, upper = HOAP3.lower.copy(), HOAP3.upper.copy()
+    lower[2], upper[2] = -np.inf, np.inf
+    robot, q = SimpleNamespace(lower=lower, upper=upper, velocity=HOAP3.velocity), HOAP3.upper
+    robot.effort, still = HOAP3.effort, np.zeros(len(q))
+    with warnings.catch_warnings(action="error"):
+        assert shares_of_limits(robot, q, still, still)["position_share"] == pytest.approx(100.0)
 
 
 def test_sliders_have_the_bounds_that_the_controller_tells():

@@ -223,10 +223,11 @@ def shares_of_limits(
         by key of `PLOTS`, (...): of positions 0 in the middle of the range and 100 at a limit.
         Joints without a limit do not count.
     """
-    middle, half = (robot.upper + robot.lower) / 2.0, (robot.upper - robot.lower) / 2.0
+    half = (robot.upper - robot.lower) / 2.0
     limited = np.isfinite(half) & (half > 0.0)
+    middle = (robot.upper[limited] + robot.lower[limited]) / 2.0
     shares = {
-        "position_share": np.abs(q - middle)[..., limited] / half[limited],
+        "position_share": np.abs(q[..., limited] - middle) / half[limited],
         "speed_share": np.abs(dq) / robot.velocity,
     }
     if has_efforts(robot):

@@ -208,6 +208,7 @@ function say() {
   else if (bad) words = trouble.words;
   else if (hello.log) words = "This is a log.";
   else if (!connection.proved) words = readOnly();
+  else if (page.frame?.mode === "stopped") words = "The robot is stopped. Press Recover before you move it.";
   else if (steering) words = "You are the operator: drag a handle or a slider, enter a pose, or hold to drive.";
   else if (page.targets?.some(canMove)) words = "Press Steer to move the robot's targets.";
   else if (page.targets?.length) words = "These targets have no handle: send them from a program, see `hoap3 help live`.";
