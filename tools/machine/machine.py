@@ -6,7 +6,7 @@ import hashlib
 import os
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,10 +21,10 @@ STACK = (
 )
 
 
-def versions() -> dict[str, str]:
-    """Versions of this project and of everything that it stands on."""
+def versions(more: Iterable[str] = ()) -> dict[str, str]:
+    """Versions of this project, of everything that it stands on, and of more packages."""
     found = {"python": platform.python_version()}
-    for name in ("hoap3", *STACK):
+    for name in ("hoap3", *STACK, *more):
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
