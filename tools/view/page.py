@@ -120,8 +120,10 @@ class Page:
                 self._frames += 1
                 if self._tick is not None:
                     self._sent.append((time.monotonic(), self._tick))
-                says = "none" if self._operator is None else self._operator.says(self)
-                await self._socket.send(f'{frame[:-1]},"operator":"{says}"}}')
+                own: dict[str, Any] = {"operator": "none", "asked": {}}
+                if self._operator is not None:
+                    own = {"operator": self._operator.says(self), "asked": self._operator.asked}
+                await self._socket.send(f"{frame[:-1]},{text(own)[1:]}")
 
     async def receive(self, message: str | bytes) -> None:
         """Take one word of the page."""

@@ -64,6 +64,7 @@ class NotingOperator:
     def __init__(self) -> None:
         self.done: list[Any] = []
         self.beats = 0
+        self.asked = {"hand": [1.0, 2.0, 3.0]}
         self.gone = threading.Event()
 
     def says(self, page: object) -> str:

@@ -214,6 +214,47 @@ def test_what_is_dragged_next_replaces_a_hold_that_is_lost(play):
     play(story)
 
 
+def place(values: list[float]) -> dict[str, Any]:
+    return {"verb": "place", "name": "hand", "values": values}
+
+
+def test_an_entered_pose_is_sent_until_it_arrives_and_goes_on_while_its_page_is_silent(
+    play, monkeypatch
+):
+    monkeypatch.setattr(motion, "SILENT_S", 0.0)
+    monkeypatch.setattr(motion, "LEASE_S", PATIENCE_S)
+
+    async def story(stage: Stage) -> None:
+        stage.robot.gets = False
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", place(AIM))
+        await stage.until(lambda: len(stage.robot.sent) > 2)
+        stage.robot.gets = True
+        assert stage.operator.asked == {"hand": AIM}
+        stage.operator.move("page", {"verb": "drop"})  # of a key, which was not this target's
+        stage.operator.left("page")
+        await stage.until(lambda: "release" in stage.robot.done)
+
+    stage = play(story)
+    assert all(sent == AIM for sent in stage.robot.sent[:-1])
+    assert stage.robot.sent[-1] != AIM  # held when the page was closed
+
+
+def test_an_entered_pose_is_not_sent_after_a_stop(play):
+    async def story(stage: Stage) -> None:
+        stage.robot.gets = False
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", place(AIM))
+        await stage.until(lambda: len(stage.robot.sent) > 2)
+        await stage.operator.act("page", {"verb": "stop"})
+        while stage.operator._is_sending:
+            await asyncio.sleep(0.0)
+
+    stage = play(story)
+    stop = stage.robot.done.index("stop")
+    assert stage.robot.done[stop + 1 :].count("target") <= 1  # one that was on its way
+
+
 def test_a_page_that_is_silent_is_held_and_then_steers_no_longer(play, monkeypatch):
     monkeypatch.setattr(motion, "SILENT_S", 0.03)
     monkeypatch.setattr(motion, "LEASE_S", 0.1)

@@ -291,7 +291,8 @@ def test_without_a_token_pages_only_look():
             assert not pen.hello["writes"]
             assert not pen.prove()
             assert pen.act(verb="stop")["error"]
-            assert pen.wait_for("frame")["operator"] == "none"
+            found = pen.wait_for("frame")
+            assert (found["operator"], found["asked"]) == ("none", {})
 
 
 def test_a_port_that_is_taken_is_said_to_be():

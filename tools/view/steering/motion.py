@@ -1,7 +1,8 @@
 """What a page's hand moves, and when it has to stop: no network and no clock in it.
 
-While something moves, a page says every 25 ms that it lives. Where it does not for 120 ms, all that
-it moved is held; after 2 s it steers no longer.
+While a page drags or drives a target, it sends a sign of life every 25 ms. Without one for 120 ms
+these targets are held. A target whose pose was entered goes on, as one of a planner would, until
+the page has been silent for 2 s or is closed: then it is held too, and the page steers no longer.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ class Motion:
         self._poses = Poses(self._frames.description)  # the frames' own show another State
         self._due: dict[str, list[float]] = {}
         self._moved: set[str] = set()  # since the last hold
+        self._placed: set[str] = set()  # of these the pose was entered
         self._driven: dict[str, tuple[list[float], float]] = {}  # rates, and until when
         self._stepped = self._heard = 0.0
         self.asked: dict[str, list[float]] = {}
@@ -72,6 +74,7 @@ class Motion:
             self._frames, self._poses = frames, Poses(frames.description)
         self._due.clear()
         self._moved.clear()
+        self._placed.clear()
         self._driven.clear()
         self.asked.clear()
         self._heard = self._stepped = now_s
@@ -90,10 +93,18 @@ class Motion:
         Raises:
             UsageError: no such target, or not its numbers.
         """
-        target = self._target(name)
-        self._driven.pop(target.name, None)
-        self._send(target.name, _numbers(values, target.dimension, "values"))
-        self._moved.add(target.name)
+        self._moved.add(self._take(name, values))
+        self._heard = now_s
+
+    def place(self, name: object, values: object, now_s: float) -> None:
+        """Take where a target shall be, as `drag` does, but let it go there without signs of life.
+
+        Raises:
+            UsageError: no such target, or not its numbers.
+        """
+        name = self._take(name, values)
+        self._moved.discard(name)
+        self._placed.add(name)
         self._heard = now_s
 
     def drive(self, name: object, rates: object, now_s: float) -> None:
@@ -108,16 +119,20 @@ class Motion:
         if isinstance(speeds, list) and len(speeds) == len(wanted):
             limits = zip(wanted, speeds, strict=True)
             wanted = [min(max(rate, -abs(most)), abs(most)) for rate, most in limits]
+        self._placed.discard(target.name)
         if target.name not in self._driven:
             self.asked.pop(target.name, None)  # it begins where the robot is
             self._stepped = max(self._stepped, now_s)
         self._driven[target.name] = wanted, now_s + DRIVE_S
         self._heard = now_s
 
-    def hold(self) -> None:
-        """Have all that moves come to rest."""
+    def hold(self, *, placed: bool = False) -> None:
+        """Bring to rest what is dragged or driven, and with `placed` also entered poses."""
         self._meet()
         names = self._moved | self._driven.keys()
+        if placed:
+            names |= self._placed
+            self._placed.clear()
         self._moved.clear()
         self._driven.clear()
         self._due = {name: each for name, each in self._due.items() if name not in names}
@@ -170,6 +185,14 @@ class Motion:
         if not isinstance(speeds, list):
             return [math.inf] * target.rates
         return [LEAD_S * abs(float(speed)) for speed in speeds]
+
+    def _take(self, name: object, values: object) -> str:
+        target = self._target(name)
+        numbers = _numbers(values, target.dimension, "values")
+        self._driven.pop(target.name, None)
+        self._placed.discard(target.name)
+        self._send(target.name, numbers)
+        return target.name
 
     def _send(self, name: str, values: list[float]) -> None:
         self._due[name] = self.asked[name] = values

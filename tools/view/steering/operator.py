@@ -56,7 +56,13 @@ class Operator:
         self._refused: dict[str, int] = {}
         self._count_s = self._release_s = 0.0
         self._sent = False
+        self._stops = 0
         self.page: object | None = None
+
+    @property
+    def asked(self) -> dict[str, list[float]]:
+        """Numbers of each target that the page has moved, as they were sent last."""
+        return self._motion.asked
 
     def says(self, page: object) -> str:
         """`me`, `other` or `none`: who steers, as a page sees it."""
@@ -74,6 +80,7 @@ class Operator:
         verb, now = do.get("verb"), time.monotonic()
         match verb:
             case "stop":
+                self._stops += 1
                 asked = self._ask("stop", self._source.stop)
                 self._motion.begin(now)  # whatever moved does so no longer by our hand
                 await asyncio.shield(asked)  # also where the page goes meanwhile
@@ -104,20 +111,21 @@ class Operator:
         raise UsageError(f"no verb is called {verb!r:.40}")
 
     def move(self, page: object, do: Mapping[str, Any]) -> bool:
-        """Do what needs no question: a target, a velocity, a drop; False where it is none of them.
+        """Do what needs no question: `target`, `place`, `velocity` or `drop`; else return False.
 
         Raises:
             UsageError: it is refused; says why.
         """
         verb, now = do.get("verb"), time.monotonic()
-        if verb not in {"target", "velocity", "drop"}:
+        motion = self._motion
+        takes = {"target": motion.drag, "place": motion.place, "velocity": motion.drive}
+        if verb != "drop" and verb not in takes:
             return False
         self._steers(page)
         if verb == "drop":
-            self._motion.hold()
+            motion.hold()
         else:
-            take = self._motion.drag if verb == "target" else self._motion.drive
-            take(do.get("name"), do.get("values"), now)
+            takes[verb](do.get("name"), do.get("values"), now)
         return True
 
     def beat(self, page: object) -> None:
@@ -128,7 +136,7 @@ class Operator:
     def left(self, page: object) -> None:
         """A page has gone: what it moved is held at once, and it steers no longer soon."""
         if page is self.page:
-            self._survive(self._motion.hold)
+            self._survive(self._hold_all)
             self._survive(self._flush)
         if page is self.page:  # still
             self._release_s = time.monotonic() + SETTLE_S
@@ -140,7 +148,7 @@ class Operator:
                 await asyncio.sleep(TICK_S)
                 self._survive(lambda: self._look(time.monotonic()))
         finally:
-            self._survive(self._motion.hold)
+            self._survive(self._hold_all)
             self._survive(self._flush)
 
     def close(self) -> None:
@@ -158,9 +166,14 @@ class Operator:
         if self._flush():
             self._count(now)
         gone = self._motion.is_gone(now)
-        if gone or (0.0 < self._release_s < now and not self._is_sending):
+        if gone and not self._release_s:
+            self.left(self.page)
+        elif 0.0 < self._release_s < now and not self._is_sending:
             how = "is silent" if gone else "has gone"
             self._give_up(f"the page that steered {how}")
+
+    def _hold_all(self) -> None:
+        self._motion.hold(placed=True)
 
     def _survive(self, what: Callable[[], object]) -> None:
         """Do it; where it fails, whatever the reason, nobody steers any more, and it is told."""
@@ -244,9 +257,9 @@ class Operator:
         self._motion.begin(time.monotonic())
 
     def _hold(self, robot: Connection, due: Mapping[str, list[float]]) -> None:
-        """In a thread: send until the controller has got it, unless something newer waits."""
-        until = time.monotonic() + HOLD_S
-        while time.monotonic() < until:
+        """In a thread: send until the controller has got it, a newer target waits, or a stop."""
+        until, stops = time.monotonic() + HOLD_S, self._stops
+        while time.monotonic() < until and self._stops == stops:
             number = _send(robot, due)
             time.sleep(AGAIN_S)
             if self._motion.waits or robot.counts()["newest"] >= number:
