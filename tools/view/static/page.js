@@ -257,7 +257,13 @@ function answered(error) {
   complain(error === null ? null : `Refused: ${error}`);
 }
 
-at("stop").addEventListener("click", stop);
+let pressed; // the pointer that has pressed Stop
+at("stop").addEventListener("pointerdown", ({ pointerId }) => {
+  pressed = pointerId;
+  stop();
+});
+// Keys and screen readers click without a pointer; a tap that ends a scroll presses without a click.
+at("stop").addEventListener("click", ({ pointerId }) => pointerId !== pressed && stop());
 at("recover").addEventListener("click", () => ask("recover"));
 at("steer").addEventListener("click", () => {
   if (steering) return ask("release");

@@ -97,6 +97,20 @@ export class Joints {
   }
 }
 
+/** Ignores a touch on a slider until it moves along it: scrolling must not command the robot. */
+export function ignoreRestingTouch(slider) {
+  let before = null; // the value to restore
+  slider.addEventListener("pointerdown", ({ pointerType }) => (before = pointerType === "touch" ? slider.value : null));
+  for (const kind of ["pointermove", "keydown"]) slider.addEventListener(kind, () => (before = null));
+  for (const kind of ["input", "change"]) {
+    slider.addEventListener(kind, (event) => {
+      if (before === null) return;
+      event.stopImmediatePropagation();
+      slider.value = before;
+    });
+  }
+}
+
 const STEPS = 200;
 const OVER_S = 0.5;
 
@@ -147,6 +161,7 @@ export class Sliders {
       input.value = value;
       show(value);
     };
+    if (bounded) ignoreRestingTouch(input);
     input.addEventListener("input", () => {
       held = true;
       if (!Number.isNaN(input.valueAsNumber)) show(input.valueAsNumber);

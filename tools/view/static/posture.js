@@ -1,6 +1,6 @@
 // Sliders for a target that is joint positions: there is no one place of it where a handle could stand.
 
-import { at, make, write } from "./panels.js";
+import { at, ignoreRestingTouch, make, write } from "./panels.js";
 
 const ENDS = ["pointerup", "pointercancel", "keyup", "blur"];
 
@@ -26,6 +26,7 @@ export class Posture {
       input.step = "any"; // one is moved, and the others stay exactly where they are
       if (!turns) [input.min, input.max] = [lower, upper];
       const show = () => write(shown, `${input.valueAsNumber.toFixed(2)} ${unit}`);
+      ignoreRestingTouch(input);
       input.addEventListener("input", () => {
         show();
         hand.grip(this, grip, true);

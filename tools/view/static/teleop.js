@@ -1,7 +1,7 @@
 // Driving a target by gamepad, keyboard or the pad of the page, while a dead-man button is held.
 
 import { Vector3 } from "./vendor.js";
-import { at, make, write } from "./panels.js";
+import { at, ignoreRestingTouch, make, write } from "./panels.js";
 
 const FULL = { linear: 0.25, angular: 1.0 }; // m/s and rad/s at 100 %
 const EACH_MS = 1000 / 30;
@@ -60,6 +60,7 @@ export class Teleop {
     document.addEventListener("visibilitychange", () => this.letGo());
     addEventListener("gamepaddisconnected", () => this.letGo());
     addEventListener("gamepadconnected", () => this.#poll());
+    ignoreRestingTouch(at("drive-speed"));
     for (const each of ["drive-speed", "drive-target"]) at(each).addEventListener("input", () => this.#speed());
     this.#holds(at("dead-man"), "dead-man");
     this.buttons = Object.entries({ ...ARROWS, ...TURNS }).map(([label, code]) => {
