@@ -16,7 +16,7 @@ export function write(element, text) {
 }
 
 const MODES = { idle: "● idle", active: "▶ active", stopping: "◆ stopping", stopped: "■ stopped" };
-const OPERATORS = { me: "this page", other: "another page or program", none: "none" };
+const OPERATORS = { me: "this page", other: "another client", none: "none" };
 
 /** The line of the state. */
 export function showState(frame) {
@@ -55,7 +55,6 @@ export function showVerdicts(verdicts = {}, stands = true) {
     write(sign, SIGNS[verdict] ?? "–");
     write(word, verdict);
     write(why, words);
-    why.title = words;
   }
 }
 
@@ -72,7 +71,7 @@ export class Joints {
       const rates = make("output", { className: "rates" });
       const bar = make("span", { className: turns ? "bar turns" : "bar" }, dot);
       bar.title = turns ? "no limits" : `${lower.toFixed(2)} to ${upper.toFixed(2)} ${unit}`;
-      const row = make("li", {}, make("b", { textContent: name, title: name }), bar, value, rates);
+      const row = make("li", {}, make("b", { textContent: name, title: name }), value, bar, rates);
       const range = { lower: turns ? -Math.PI : lower, upper: turns ? Math.PI : upper };
       return { row, dot, value, rates, unit, turns, velocity, effort, ...range };
     });

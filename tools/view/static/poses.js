@@ -66,7 +66,7 @@ class Pose {
       this.buttons = [go, copy];
     }
     const caption = make("caption", {}, name, make("small", { textContent: ` in ${reference}` }));
-    this.box = make("div", { className: "pose" }, make("table", {}, caption, head, ...rows));
+    this.box = make("div", { className: "pose", role: "group", ariaLabel: name }, make("table", {}, caption, head, ...rows));
     if (send) this.box.append(make("p", { className: "actions" }, ...this.buttons));
   }
 
