@@ -90,7 +90,7 @@ def _positions(motion: Motion) -> Drawing:
     figures = f"{_points(motion)} · least distance to a limit {least} %"
     if endless:
         figures += f" · {endless} joints without limits"
-    return Drawing("positions", title, drawing.svg, (*keys, Key("red", "limits")), figures)
+    return Drawing("positions", title, drawing.svg, (*keys, Key("red", "limits", "dash")), figures)
 
 
 def _lyapunov(motion: Motion) -> Drawing:
