@@ -31,7 +31,7 @@ const stage = new Stage(at("stage"));
 const connection = new Connection(location.hash.slice(1));
 const targets = new Targets(stage, connection);
 const sliders = new Sliders(connection);
-const poses = new Poses(connection, () => page.acting === null && page.frame?.mode === "active");
+const poses = new Poses(connection, () => page.acting === null);
 const teleop = new Teleop(connection, {
   stop: () => stop(),
   driving: (on) => targets.arm(steering && !on),
@@ -180,6 +180,8 @@ function allow() {
     sliders.enable(live);
     teleop.watch(live);
   }
+  const movable = now && page.frame?.mode === "active";
+  if (movable !== poses.armed) poses.arm(movable);
   at("recover").disabled = !live || page.frame?.mode !== "stopped";
   if (now === steering) return;
   steering = now;
@@ -187,7 +189,6 @@ function allow() {
   write(at("steer"), now ? "Release" : "Steer");
   at("steer").setAttribute("aria-pressed", String(now));
   targets.arm(now);
-  poses.arm(now);
   teleop.arm(now);
   say();
 }
@@ -248,7 +249,6 @@ function ask(verb) {
 
 /** Stops the robot; a page that cannot explains why, and what can. */
 function stop() {
-  poses.cancel();
   if (connection.proved) ask("stop");
   else complain(`Not stopped. ${readOnly()} Or run: hoap3 stop ${page.hello?.robot ?? ""}`);
 }

@@ -1,10 +1,8 @@
-// Poses in numbers: where each target's point is now, and fields to enter where it should go.
+// Poses in numbers: where each target's point is now, and where it should go, which can be entered.
 
 import { at, make, write } from "./panels.js";
 
 const DEG = 180 / Math.PI;
-const SENDS = 10; // of a target that is entered: a full link drops messages
-const EACH_MS = 100; // between two of them
 const AXES = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 /** Of these six, those that a kind of target has. */
@@ -43,12 +41,13 @@ class Pose {
    * @param {((values: number[]) => void)|null} send
    */
   constructor(name, reference, parts, send) {
-    Object.assign(this, { parts, known: false, values: null });
+    Object.assign(this, { name, parts, known: false, values: null, asked: "", editing: false });
     const places = AXES.map((_, i) => i).slice(...parts);
     this.now = places.map(() => make("output", { textContent: "–" }));
     this.fields = !send ? [] : places.map((i) => {
       const field = make("input", { type: "number", step: i < 3 ? 0.001 : 1, disabled: true });
       field.setAttribute("aria-label", `Target ${name} ${AXES[i]}`);
+      field.addEventListener("input", () => (this.editing = true));
       return field;
     });
     const title = (text, scope) => make("th", { textContent: text, scope });
@@ -70,21 +69,32 @@ class Pose {
     if (send) this.box.append(make("p", { className: "actions" }, ...this.buttons));
   }
 
-  /** @param {number[]|null} values */
-  show(values) {
+  /**
+   * @param {number[]|null} values where the point is
+   * @param {number[]} [asked] where the target was sent last from a page of this server
+   */
+  show(values, asked) {
     if (!values) return;
     this.values = readable(this.parts, values);
     const from = this.parts[0];
     this.now.forEach((each, i) => write(each, this.values[i].toFixed(decimals(i + from))));
-    if (!this.known) this.copy();
+    if (!this.known) this.#enter(this.values);
     this.known = true;
+    if (!asked || this.editing || String(asked) === this.asked) return;
+    this.asked = String(asked);
+    this.#enter(readable(this.parts, asked));
   }
 
   /** Puts the pose of now into the fields. */
   copy() {
     if (!this.values) return; // not known yet
+    this.editing = true;
+    this.#enter(this.values);
+  }
+
+  #enter(values) {
     const from = this.parts[0];
-    this.fields.forEach((field, i) => (field.value = this.values[i].toFixed(decimals(i + from))));
+    this.fields.forEach((field, i) => (field.value = values[i].toFixed(decimals(i + from))));
   }
 
   arm(on) {
@@ -94,6 +104,7 @@ class Pose {
   #send(send) {
     const numbers = this.fields.map((field) => field.valueAsNumber);
     if (numbers.some(Number.isNaN)) return; // an empty field
+    this.editing = false;
     const [from, to] = this.parts;
     send([...(from < 3 ? numbers.slice(0, 3) : []), ...(to > 3 ? quaternion(numbers.slice(-3)) : [])]);
   }
@@ -103,28 +114,10 @@ class Pose {
 export class Poses {
   /**
    * @param {import("./connection.js").Connection} connection
-   * @param {() => boolean} isFree whether nothing else moves a target and the robot is active
+   * @param {() => boolean} isFree whether nothing else moves a target
    */
   constructor(connection, isFree) {
     Object.assign(this, { connection, isFree, all: [], armed: false, ofTasks: true });
-  }
-
-  /** Sends a target several times, unless something else happens meanwhile. */
-  #send(name, values) {
-    this.cancel();
-    let left = SENDS;
-    const once = () => {
-      left -= 1;
-      if (!this.armed || !this.isFree() || left < 0) return this.cancel();
-      this.connection.act({ verb: "target", name, values });
-    };
-    this.timer = setInterval(once, EACH_MS);
-    once();
-  }
-
-  /** Sends the entered target no more. */
-  cancel() {
-    clearInterval(this.timer);
   }
 
   /**
@@ -132,13 +125,12 @@ export class Poses {
    * @param {object} frame the newest
    */
   set(targets, frame) {
-    this.cancel();
     this.ofTasks = !targets.some(({ kind }) => kind in PARTS);
     this.all = this.ofTasks
       ? frame.frames.map(({ name }) => new Pose(name, "the world", PARTS.frame_pose, null))
       : targets.map(({ name, kind, reference }) => {
           if (!(kind in PARTS)) return null;
-          const send = (values) => this.#send(name, values);
+          const send = (values) => this.isFree() && this.connection.act({ verb: "place", name, values });
           return new Pose(name, reference ?? "the world", PARTS[kind], send);
         });
     at("poses").replaceChildren(...this.all.filter(Boolean).map(({ box }) => box));
@@ -149,12 +141,12 @@ export class Poses {
   /** @param {object} frame */
   show(frame) {
     const values = this.ofTasks ? frame.frames.map(({ pose }) => pose) : (frame.targets ?? []);
-    this.all.forEach((each, i) => each?.show(values[i] ?? null));
+    this.all.forEach((each, i) => each?.show(values[i] ?? null, frame.asked?.[each.name]));
   }
 
+  /** Whether a pose can be entered. */
   arm(on) {
     this.armed = on;
-    if (!on) this.cancel();
     for (const each of this.all) each?.arm(on);
   }
 }

@@ -219,20 +219,34 @@ def test_a_pose_that_is_entered_becomes_the_target(page, view):
     for axis, value in {"x": 0.25, "y": -0.1, "z": 0.5, "roll": 0, "pitch": 0, "yaw": 90}.items():
         page.fill(f"[aria-label='Target hand {axis}']", str(value))
     page.locator(".pose", has_text="hand").locator("text=Move to target").click()
-    wait_for(page, view, "target", 10)  # a message may be lost
-    no_more(page, view, "act")
-    for _, do in targets(view):
-        assert do["name"] == "hand"
-        assert do["values"] == pytest.approx([0.25, -0.1, 0.5, 0.0, 0.0, quarter, quarter])
+    wait_for(page, view, "place")
+    ((_, do),) = targets(view, "place")
+    assert do["name"] == "hand"
+    assert do["values"] == pytest.approx([0.25, -0.1, 0.5, 0.0, 0.0, quarter, quarter])
 
 
-def test_an_entered_pose_is_sent_no_more_after_a_stop(page, view):
-    page.locator(".pose", has_text="hand").locator("text=Move to target").click()
-    wait_for(page, view, "target")
-    page.keyboard.press("Escape")
-    wait_for(page, view, "stop")
-    no_more(page, view, "act")
-    assert view.verbs()[-1] == "stop"
+def test_the_target_shown_is_the_one_sent_last_unless_another_is_being_entered(steer):
+    aside = [0.3, 0.1, 0.5]
+    moved = partial(still, asked={"aside": aside})
+    with made_up_view(frames=moved) as view:
+        page = steer(view)
+        x = "[aria-label='Target aside x']"
+        page.wait_for_function("x => document.querySelector(x).value === '0.3000'", arg=x)
+        aside[0] = 0.7  # dragged there
+        page.wait_for_function("x => document.querySelector(x).value === '0.7000'", arg=x)
+        page.fill(x, "0.9")
+        aside[0] = 0.8
+        page.evaluate("() => new Promise((next) => setTimeout(next, 300))")
+        assert page.input_value(x) == "0.9"
+
+
+def test_no_pose_is_entered_while_the_robot_is_stopped(steer):
+    stopped = partial(still, mode="stopped")
+    with made_up_view(frames=stopped) as view:
+        page = steer(view)
+        page.wait_for_selector("#recover:enabled")
+        assert page.locator(".pose", has_text="hand").locator("text=Move to target").is_disabled()
+        assert "Recover" in page.inner_text("#note")
 
 
 def test_an_empty_field_sends_nothing_and_the_pose_now_can_be_copied(page, view):
@@ -242,7 +256,7 @@ def test_an_empty_field_sends_nothing_and_the_pose_now_can_be_copied(page, view)
     aside.locator("text=Move to target").click()
     aside.locator("text=Copy current").click()
     assert float(page.input_value(field)) == pytest.approx(0.3)
-    assert "target" not in view.verbs()
+    assert "place" not in view.verbs()
 
 
 def test_angles_of_a_pose_are_roll_pitch_and_yaw_of_a_urdf(open_page, view):

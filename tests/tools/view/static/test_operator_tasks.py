@@ -70,7 +70,7 @@ def test_enter_a_target_pose(hand):
     for axis, value in entered.items():
         hand.enter(group.get_by_label(f"Target hand {axis}", exact=True), value)
     hand.press(group.get_by_role("button", name="Move to target"))
-    do = hand.wait_for("target")[0]
+    do = hand.wait_for("place")[0]
     assert do["name"] == "hand"
     assert do["values"] == pytest.approx([0.25, -0.1, 0.5, 0, 0, np.sqrt(0.5), np.sqrt(0.5)])
 
