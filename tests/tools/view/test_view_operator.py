@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from view_samples import BOUNDS, HAND, UR5, config_of, task
 
-from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
 from hoap3.protocol.messages import State
 from hoap3.tools.view.picture.frame import Frames
 from hoap3.tools.view.picture.geometry import Looks
@@ -240,6 +240,17 @@ def test_an_entered_pose_is_sent_until_it_arrives_and_goes_on_while_its_page_is_
     assert stage.robot.sent[-1] != AIM  # held when the page was closed
 
 
+def test_an_entered_pose_outside_the_limits_is_refused_with_the_limits(play):
+    async def story(stage: Stage) -> None:
+        (target,) = stage.source.frames.targets
+        target.told.update(lower=[-1.0] * 3, upper=[1.0, 0.05, 1.0], layout=["x", "y", "z"])
+        await stage.operator.act("page", {"verb": "acquire"})
+        with pytest.raises(BadProblemError, match=r"y is 0\.1: send -1 to 0\.05"):
+            stage.operator.move("page", place(AIM))
+
+    assert play(story).robot.sent == []
+
+
 def test_an_entered_pose_is_not_sent_after_a_stop(play):
     async def story(stage: Stage) -> None:
         stage.robot.gets = False
@@ -256,12 +267,12 @@ def test_an_entered_pose_is_not_sent_after_a_stop(play):
 
 
 def test_a_page_that_is_silent_is_held_and_then_steers_no_longer(play, monkeypatch):
-    monkeypatch.setattr(motion, "SILENT_S", 0.03)
-    monkeypatch.setattr(motion, "LEASE_S", 0.1)
+    monkeypatch.setattr(motion, "SILENT_S", PATIENCE_S)
 
     async def story(stage: Stage) -> None:
-        await stage.operator.act("page", {"verb": "acquire"})
-        stage.operator.move("page", drag(AIM))
+        await stage.drag_to_aim()
+        monkeypatch.setattr(motion, "SILENT_S", 0.03)
+        monkeypatch.setattr(motion, "LEASE_S", 0.1)
         await stage.until(lambda: "release" in stage.robot.done)
 
     stage = play(story)

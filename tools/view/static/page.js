@@ -31,7 +31,7 @@ const stage = new Stage(at("stage"));
 const connection = new Connection(location.hash.slice(1));
 const targets = new Targets(stage, connection);
 const sliders = new Sliders(connection);
-const poses = new Poses(connection, () => page.acting === null);
+const poses = new Poses(connection, () => page.acting === null, answered);
 const teleop = new Teleop(connection, {
   stop: () => stop(),
   driving: (on) => targets.arm(steering && !on),

@@ -115,9 +115,10 @@ export class Poses {
   /**
    * @param {import("./connection.js").Connection} connection
    * @param {() => boolean} isFree whether nothing else moves a target
+   * @param {(error: string|null) => void} answered
    */
-  constructor(connection, isFree) {
-    Object.assign(this, { connection, isFree, all: [], armed: false, ofTasks: true });
+  constructor(connection, isFree, answered) {
+    Object.assign(this, { connection, isFree, answered, all: [], armed: false, ofTasks: true });
   }
 
   /**
@@ -130,7 +131,7 @@ export class Poses {
       ? frame.frames.map(({ name }) => new Pose(name, "the world", PARTS.frame_pose, null))
       : targets.map(({ name, kind, reference }) => {
           if (!(kind in PARTS)) return null;
-          const send = (values) => this.isFree() && this.connection.act({ verb: "place", name, values });
+          const send = (values) => this.isFree() && this.connection.act({ verb: "place", name, values }, this.answered);
           return new Pose(name, reference ?? "the world", PARTS[kind], send);
         });
     at("poses").replaceChildren(...this.all.filter(Boolean).map(({ box }) => box));

@@ -15,6 +15,7 @@ import numpy as np
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
 from hoap3.tools.picture.poses import Poses
+from hoap3.tools.services.sent import check_limits
 from hoap3.tools.view.picture.config_scene import Steered
 from hoap3.tools.view.picture.frame import Frames, finite
 from hoap3.tools.view.picture.targets import present
@@ -101,7 +102,11 @@ class Motion:
 
         Raises:
             UsageError: no such target, or not its numbers.
+            BadProblemError: they are outside its limits; names the number and the limits.
         """
+        target = self._target(name)
+        point = np.array([_numbers(values, target.dimension, "values")])
+        check_limits(point, {**target.told, "name": target.name})
         name = self._take(name, values)
         self._moved.discard(name)
         self._placed.add(name)
