@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
-from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK
+from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, OK
 from hoap3.remote_controller.solvers.linalg.scaling_kernels import MAX, TINY
 from hoap3.remote_controller.solvers.qp12.qp12_kernels import solve_qp12
 
@@ -33,7 +33,7 @@ SETTLED = 1e-12  # of the decrease: by so little too little, it is found
 SHORT = 0.5 * SETTLED  # of the decrease: what is aimed at lies below it, for certain
 CERTAIN = 1e-14  # relative: more than rounding
 LARGE = 1e100  # what lies between this and its inverse is squared without a second thought
-ROUNDING = 1e-15  # a decrease beyond the largest possible one by n times this is still that one
+ROUNDING = 1e-15  # n times this share of a decrease is rounding
 
 
 def work_shape(n: int) -> tuple[int, int]:
@@ -102,6 +102,15 @@ def _multiplier(a: Vector, limit: Vector, demand: float, kappa: float) -> float:
 
 
 @inlined
+def _remaining(rest: float, demand: float, n: int) -> float:
+    """What clamped joints leave of a demand, 0 where it is rounding: see `ROUNDING`.
+
+    A joint whose gradient is rounding, too, would be moved at its limit for it.
+    """
+    return rest if rest > n * ROUNDING * demand else 0.0
+
+
+@inlined
 def _clamp(
     a: Vector, limit: Vector, demand: float, gamma: float, out: Vector, step: Vector
 ) -> tuple[float, int, bool]:
@@ -121,7 +130,7 @@ def _clamp(
         out[i] = math.copysign(limit[i], -a[i]) if certain else 0.0
         a[i] = 0.0 if certain else a[i]
         clamped += certain
-    rest = max(rest, 0.0)
+    rest = _remaining(rest, demand, a.size)
     return rest, clamped, _share(a, limit, rest, kappa, guess, step)
 
 
@@ -196,8 +205,6 @@ def solve_bounded_qp12(
         rest, clamped, done = _clamp(a, limit, demand, gamma, out, step)
     while not done:
         status = solve_qp12(a, rest, gamma, step)
-        if status == INFEASIBLE and rest <= n * ROUNDING * demand:
-            status = OK  # all joints are at their limits, and that is all there is
         if status != OK:
             out[:] = 0.0
             return status, 0
@@ -212,7 +219,7 @@ def solve_bounded_qp12(
                 rest -= abs(a[i]) * limit[i]
                 out[i] = math.copysign(limit[i], step[i])
                 a[i] = 0.0
-        rest = max(rest, 0.0)
+        rest = _remaining(rest, demand, n)
     for i in range(n):
         u = (out[i] + step[i]) * down / weights[i]  # one of them is 0
         out[i] = min(max(u, lower[i]), upper[i]) + 0.0  # the division may miss by one bit

@@ -58,6 +58,14 @@ def test_the_most_that_the_bounds_allow_is_reached_and_no_more() -> None:
             qp12_bounded(gradient, limit * 1.001, 0.5, lower, upper)
 
 
+@pytest.mark.parametrize("gamma", GAMMAS)
+@pytest.mark.parametrize("noise", [1e-19, -1e-19])
+def test_a_gradient_that_is_rounding_moves_no_joint(gamma: float, noise: float) -> None:
+    gradient, bound = np.array([1.0, -1e-3, noise]), np.full(3, 0.3)
+    u = qp12_bounded(gradient, most(gradient, -bound, bound), gamma, -bound, bound)
+    np.testing.assert_allclose(u, [-0.3, 0.3, 0.0], atol=1e-12)
+
+
 class TestCertificate:
     def residual(self, u: list[float], gamma: float = 0.5) -> float:
         gradient, limit = np.array([2.0, -1.0, 1.0]), np.full(3, 0.3)
