@@ -107,9 +107,10 @@ def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name in {"Environment", "simulate"}:
-        from hoap3.tools.machine.processes import check_memory
+        from hoap3.tools.machine.processes import check_libraries, check_memory
 
         check_memory()
+        check_libraries()
     module, _, attribute = _LAZY[name].partition(":")
     found: Any = importlib.import_module(module)
     if attribute:

@@ -11,6 +11,10 @@ import signal
 import sys
 from types import FrameType
 
+if sys.platform != "linux":  # before modules that import what only Linux has
+    sys.stderr.write(f"error: hoap3 needs Linux (found {sys.platform!r}). Use Linux or WSL\n")
+    sys.exit(2)
+
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     while frame is not None:

@@ -30,7 +30,7 @@ from hoap3.tools.analysis.output import (
     progress,
     watch_compilation,
 )
-from hoap3.tools.cli.help import NEEDED_MB, GroupedCommands, show_help
+from hoap3.tools.cli.help import LIGHT, NEEDED_MB, GroupedCommands, show_help
 from hoap3.tools.cli.logs import report, verify
 from hoap3.tools.cli.measurements import (
     bench_app,
@@ -64,7 +64,13 @@ from hoap3.tools.cli.options import (
 from hoap3.tools.cli.preparation import new, robot_app, trajectory_app
 from hoap3.tools.cli.requests import change, place_of, show_answers
 from hoap3.tools.cli.viewers import bridge_app, view
-from hoap3.tools.machine.processes import StopFlag, check_memory, run_program, to_people
+from hoap3.tools.machine.processes import (
+    StopFlag,
+    check_libraries,
+    check_memory,
+    run_program,
+    to_people,
+)
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
@@ -440,7 +446,10 @@ def _root(
     ] = False,
 ) -> None:
     """Control a robot from a separate process at 1 kHz; see why each deadline was met or missed."""
-    check_memory(NEEDED_MB.get(context.invoked_subcommand or ""))
+    command = context.invoked_subcommand or ""
+    check_memory(NEEDED_MB.get(command))
+    if command not in LIGHT:
+        check_libraries()
 
 
 def _repair(path: Path, as_json: bool) -> None:

@@ -235,6 +235,19 @@ def check_memory(needed_mb: int | None = None) -> None:
         )
 
 
+def check_libraries() -> None:
+    """Refuse to start without the system's OpenMP library, which the wheels of pin lack.
+
+    Raises:
+        UsageError: it is not installed.
+    """
+    try:
+        ctypes.CDLL("libgomp.so.1")
+    except OSError as error:
+        remedy = "`apt-get install libgomp1` on Debian and Ubuntu, `dnf install libgomp` on Fedora"
+        raise UsageError(f"{error}. Install it: {remedy}") from error
+
+
 def read_order() -> Any:
     """Return the order of a `Child`; exit where the parent died while it wrote that."""
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import ctypes
 import json
 import os
 import re
@@ -138,6 +139,29 @@ def test_too_little_memory_is_said_before_anything_is_imported(words, megabytes)
     with Command(*words, wrapper=limited) as command:
         assert command.end() == 2
     assert re.fullmatch(rf"error: .* {megabytes} MB .*ulimit -v.*\n", command.stderr)
+
+
+@pytest.mark.parametrize("system", ["darwin", "win32"])
+def test_an_unsupported_system_is_one_error(system):
+    code = (
+        f"import sys; sys.platform = {system!r}; sys.argv = ['hoap3', 'list']\n"
+        "sys.modules |= dict.fromkeys(('fcntl', 'resource', 'termios'))  # not on Windows\n"
+        "from hoap3.tools.cli.app import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr == f"error: hoap3 needs Linux (found {system!r}). Use Linux or WSL\n"
+
+
+def test_a_missing_openmp_library_is_one_error(monkeypatch):
+    def load(name: str) -> None:
+        raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr(ctypes, "CDLL", load)
+    done = inside("run")
+    assert done.code == 2
+    assert re.fullmatch(r"error: libgomp\.so\.1: cannot open .*apt-get install.*\n", done.stderr)
 
 
 @pytest.mark.slow

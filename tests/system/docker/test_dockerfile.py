@@ -78,6 +78,8 @@ def test_the_image_would_hold_folders_and_kernels_of_its_own_user(tmp_path: Path
     user, _, group = stage.words["USER"].partition(":")
     own = {user: str(os.geteuid()), group: str(os.getegid())}
     for command in stage.runs:
+        if command.startswith("apt-get "):
+            continue  # packages of the image, not of this machine
         mine = re.sub(r"(-[og]) (\d+)", lambda found: f"{found[1]} {own[found[2]]}", command)
         folder = Path(below(tmp_path, stage.words["WORKDIR"] + "/"))
         run(tmp_path, mine, stage.env, folder if folder.exists() else tmp_path)
