@@ -24,7 +24,11 @@ _REMEDIES = {
     "network": "look for load on the link, and compare links with `hoap3 latency`",
     "solve": "take fewer tasks or constraints, another controller, or a longer period",
     "kinematics": "take fewer frames, or a longer period",
+    "preempted": f"keep other load off its CPU; {_HELP}",
 }
+_COMPUTED = {"decode", "kinematics", "solve", "encode"}
+PREEMPTED = 5.0
+"""A computation that once took so many times its 99th percentile did not have its CPU."""
 _REPORT = "see the worst ticks in `hoap3 report`"
 
 
@@ -143,4 +147,8 @@ def _longest_stage(figures: Mapping[str, Any]) -> tuple[str, str]:
     if not excess:
         return "", ""
     stage = max(excess, key=lambda name: excess[name])
-    return stage, f"{stage} took longest, up to {stages[stage]['max'] / 1e3:.2f} ms"
+    most, usual = stages[stage]["max"], stages[stage]["p99"]
+    words = f"{stage} took longest, up to {most / 1e3:.2f} ms"
+    if stage in _COMPUTED and most > PREEMPTED * usual:
+        return "preempted", f"{words} (p99 {usual / 1e3:.2f} ms): most likely it lost its CPU"
+    return stage, words

@@ -143,11 +143,17 @@ def show(found: dict[str, Any]) -> None:
         f"{mass['all']:.4g} kg, of which {mass['moving']:.4g} kg move"
     )
     print_line(f"takes: {', '.join(found['command_kinds'])}")
-    table = Table(
-        "joint", "kind", "lower", "upper", "velocity", "effort", "guessed", box=None, pad_edge=False
-    )
+    limits = {
+        "lower": "lower",
+        "upper": "upper",
+        "velocity": "velocity",
+        "acceleration": "setpoint_acceleration_max",
+        "braking": "brake_acceleration",
+        "effort": "effort",
+    }
+    table = Table("joint", "kind", *limits, "guessed", box=None, pad_edge=False)
     for joint in found["joints"]:
-        figures = (joint[key] for key in ("lower", "upper", "velocity", "effort"))
+        figures = (joint[key] for key in limits.values())
         shown = ("none" if figure is None else f"{figure:.4g}" for figure in figures)
         table.add_row(escape(joint["name"]), joint["kind"], *shown, ", ".join(joint["guessed"]))
     results.print(table)
@@ -161,6 +167,11 @@ def show(found: dict[str, Any]) -> None:
     listing = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())) or "none"
     print_line(
         f"shapes: {listing}, on {len(found['shapes'])} links; {found['meshes']} meshes to draw"
+    )
+    start = found["initial_posture"]
+    print_line(
+        f"starts in {start['name'] or 'its reference'}: "
+        + ", ".join(f"{angle:.4g}" for angle in start["q"])
     )
     print_line("default task: " + (_task(task) if task else "none"))
     for note in found["notes"]:

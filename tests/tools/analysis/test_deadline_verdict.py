@@ -10,8 +10,8 @@ from hoap3.tools.analysis.deadline_verdict import judge_counts, judge_deadlines
 
 FIFO, ORDINARY = "scheduling policy: SCHED_FIFO 85", "scheduling policy: refused, no right"
 STAGES = {
-    "solve": {"n": 9, "p50": 30.0, "max": 900.0},
-    "network": {"n": 9, "p50": 500.0, "max": 1000.0},
+    "solve": {"n": 9, "p50": 30.0, "p99": 900.0, "max": 900.0},
+    "network": {"n": 9, "p50": 500.0, "p99": 1000.0, "max": 1000.0},
 }
 
 
@@ -78,6 +78,15 @@ def test_misses_in_a_row_are_judged_by_the_robots_own_setting():
     [
         ({"misses_outside_stalls": 10, "realtime": [FIFO]}, "host stalled in 1190 of 1200", "CPU"),
         ({"misses_outside_stalls": 1190, "realtime": [FIFO]}, "solve took longest", "constraints"),
+        (
+            {
+                "misses_outside_stalls": 1190,
+                "realtime": [FIFO],
+                "stages_us": {"kinematics": {"n": 9, "p50": 80.0, "p99": 110.0, "max": 6780.0}},
+            },
+            "lost its CPU",
+            "load",
+        ),
         ({"misses_outside_stalls": None, "realtime": [ORDINARY]}, "real-time rights", "doctor"),
         (
             {"misses_outside_stalls": 1200, "realtime": [FIFO], "guilty": {"host": 9, "decode": 2}},
@@ -87,7 +96,7 @@ def test_misses_in_a_row_are_judged_by_the_robots_own_setting():
     ],
 )
 def test_the_cause_and_the_remedy_are_named(more, cause, remedy):
-    given = figures(0.89, 0.5, skipped=100, rtt_us={"n": 9}, stages_us=STAGES, **more)
+    given = figures(0.89, 0.5, skipped=100, rtt_us={"n": 9}, **{"stages_us": STAGES, **more})
     found = judge_deadlines(given)
     assert found["verdict"] == "fail"  # whatever the cause is
     assert cause in found["cause"]

@@ -205,7 +205,10 @@ def wake_up(system: System) -> Finding:
     )
     share = skipped / (ticker.tick + 1)
     if share > 0.01 or figures["p50"] > LATE_US:
-        remedy = "Real-time priority; else load, governor, idle states, virtualisation, CPU quota"
+        remedy = (
+            "Services run at real-time priority where it is granted (below). Otherwise look at "
+            "load, CPU governor, idle states, virtualisation and CPU quota"
+        )
         return Finding("wake-up", "problem" if share > 0.1 else "advice", found, remedy)
     return Finding("wake-up", "ok", found)
 

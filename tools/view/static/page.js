@@ -22,6 +22,7 @@ const MOST_DRAWN = 4096;
 let robot, ghost, overlays, joints, plots, timeline;
 let known = false; // whether the robot is the one that was shown before
 let steering = false; // whether this page is the operator
+let releasing = false; // whether it has asked not to be
 let cameAt_ms = 0; // when the last frame came
 let wrote_ms = 0;
 let undrawn = null; // the frame that the next picture shows first
@@ -185,6 +186,8 @@ function allow() {
   at("recover").disabled = !live || page.frame?.mode !== "stopped";
   if (now === steering) return;
   steering = now;
+  if (!now && !releasing) complain("This page is no longer the operator: see Events for the reason.");
+  releasing = false;
   connection.beat(now);
   write(at("steer"), now ? "Release" : "Steer");
   at("steer").setAttribute("aria-pressed", String(now));
@@ -266,7 +269,10 @@ at("stop").addEventListener("pointerdown", ({ pointerId }) => {
 at("stop").addEventListener("click", ({ pointerId }) => pointerId !== pressed && stop());
 at("recover").addEventListener("click", () => ask("recover"));
 at("steer").addEventListener("click", () => {
-  if (steering) return ask("release");
+  if (steering) {
+    releasing = true;
+    return ask("release");
+  }
   connection.beat(true); // from now on: the answer may take longer than silence is borne
   connection.act({ verb: "acquire" }, (error) => {
     if (error !== null) connection.beat(false);
