@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 from benchmarks import limits
 from benchmarks.qp_peers import installed, missing
@@ -14,6 +15,7 @@ from hoap3.tools.bench.cycle import motion
 KEYS = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
 
 
+@pytest.mark.slow
 def test_everything_is_timed_in_turn(run_command):
     told = json.loads(run_command(limits.command, "--samples", 20, "--json").stdout)
     timed = {(row["solver"], row["n"]) for row in told["rows"]}

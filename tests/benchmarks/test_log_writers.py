@@ -23,6 +23,7 @@ def test_writers_write_what_they_are_given(make, tmp_path):
     assert found == [b"\0\1\0\0" + bytes(8), b"\0\1\0\0" + bytes(range(8))]
 
 
+@pytest.mark.slow
 def test_the_command_compares_three_writers():
     words = [sys.executable, "-m", "benchmarks.log_writers", "--samples", "10", "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)

@@ -151,6 +151,7 @@ def test_no_two_frames_come_to_be_further_apart_than_the_reach(robot):
     assert farthest > 0.3 * most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_robot_that_stops_where_it_must_never_hits_the_ball(seed):
     """Pushed at it as fast as it goes, with the stop from the next state judged each tick."""

@@ -157,6 +157,7 @@ def test_random_postures_are_not_stationary(name):
         assert not built.is_stationary
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_a_joint_at_its_limit_blocks_and_is_named(name, tmp_path):
     file = tmp_path / "one.urdf"
@@ -177,6 +178,7 @@ def test_a_joint_at_its_limit_blocks_and_is_named(name, tmp_path):
     assert judged["task"]["errors"][0]["reason"] == "blocked: bounds of slider"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["clik", "clik_sdp", "ghc_velocity", "ghc", "ghc_torque"])
 def test_only_what_holds_a_judged_task_is_named(name, tmp_path):
     file = tmp_path / "two.urdf"

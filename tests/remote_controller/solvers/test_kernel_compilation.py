@@ -306,6 +306,7 @@ class TestKernel:
         with pytest.raises(TypeError, match=r"mixed.*str"):
             numba_jit.signature_of(mixed)
 
+    @pytest.mark.slow
     def test_hands_over_what_belongs_together_as_one(self, tiny: Path) -> None:
         (tiny / "pair_kernels.py").write_text(PAIR)
         use = "import numpy as np, pair_kernels as p; print(p.outer(np.arange(3.0), 2.0)); "

@@ -193,6 +193,7 @@ def test_a_controller_that_is_none(code, words, tmp_path, request):
         refusal(inside(*command), str(law), f"{name}:Mine", *words)
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path):
     file = written(tmp_path, "", "file")
     refusal(inside(*LOCKSTEP, "--out", file), "--out", "file")

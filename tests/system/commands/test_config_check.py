@@ -27,6 +27,7 @@ def in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "word"), [(UNKNOWN, "r_soul"), (TOO_FAST, "eta_per_s")])
 def test_what_a_run_refuses_the_check_refuses_too(text, word):
     refusal(checked(text, "--robot", "hoap3"), word)

@@ -60,6 +60,7 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_robot_of_a_controller_is_a_path(arm):
     checked = inside("config", "check", arm / "law.yaml")
     assert (checked.code, checked.stderr) == (0, "")
@@ -244,6 +245,7 @@ def messages() -> list[str]:
     return found + [path.read_text() for path in static.glob("*.js")]
 
 
+@pytest.mark.slow
 def test_messages_name_topics_that_the_command_prints():
     topics = {topic for text in messages() for topic in re.findall(r"hoap3 help (\w+)", text)}
     assert {"operation"} < topics

@@ -98,6 +98,7 @@ def check(config: str, robot: str, lockstep: Lockstep, answers: np.ndarray) -> N
     assert not np.any(answers["solver_status"] == STATUS["infeasible"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("config", "robot"), CELLS)
 def test_a_pair_runs_within_the_limits_and_its_error_falls(config, robot):
     lockstep, answers = run(config, robot, 0.2)

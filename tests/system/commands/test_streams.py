@@ -128,6 +128,7 @@ def test_every_command_is_looked_at():
     assert set(names(app)) == LOCAL.keys() | LIVE.keys() | ELSEWHERE.keys() | SERVICES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOCAL)
 def test_a_result_is_on_standard_output(name, log, tmp_path):
     done = inside(*filled(LOCAL[name], log, tmp_path / "people"))
@@ -176,6 +177,7 @@ def test_a_reader_that_leaves_is_no_error(words):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_full_disk_behind_standard_output_is_told():
     with open("/dev/full", "w") as full:
         command = [HOAP3, "list"]
@@ -190,6 +192,7 @@ def test_no_colour_and_no_control_character_where_nobody_watches():
     assert "\x1b" not in plain.stdout + plain.stderr
 
 
+@pytest.mark.slow
 def test_a_narrow_terminal_without_colour_gets_no_escape_sequence():
     mine, theirs = pty.openpty()
     subprocess.run(["stty", "cols", "30"], stdin=theirs, check=True)

@@ -154,6 +154,7 @@ def assert_it_can_be_repaired(damaged: Path, killed: int) -> None:
     assert "is whole" in again.stdout
 
 
+@pytest.mark.slow
 def test_commands_skip_a_damaged_chunk_and_say_so(tmp_path):
     folder = tmp_path / "log"
     run = inside("run", "--lockstep", "--duration", 2, "--out", folder, "--json")

@@ -103,6 +103,7 @@ def test_a_refused_service_ends_and_leaves_nothing(at: str, cpu: FakeCpu, kind: 
     assert_ends(kind, at, cpu)
 
 
+@pytest.mark.slow
 def test_a_service_whose_cpu_is_kept_awake_is_killed_and_leaves_nothing(cpu: FakeCpu) -> None:
     words = ("hoap3", *WATCHED)
     with emulator(*words, at=endpoint(), environment=cpu.environment) as robot:

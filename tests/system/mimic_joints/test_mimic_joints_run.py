@@ -62,6 +62,7 @@ QUICK = ("clik", "stable_qp", "tsid")
 EACH = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EACH)
 def test_a_controller_moves_it_and_its_log_is_true(name: str, tmp_path: Path) -> None:
     command, parameters = CASES[name]
@@ -75,6 +76,7 @@ def test_a_controller_moves_it_and_its_log_is_true(name: str, tmp_path: Path) ->
     assert found.verdict == "true", found.claims
 
 
+@pytest.mark.slow
 def test_a_continuous_joint_turns_more_than_once(tmp_path: Path) -> None:
     """7 rad and back, where no limit is; mimic joints keep their relation."""
     robot = {"robot": str(write(tmp_path).parent), "command": "position"}

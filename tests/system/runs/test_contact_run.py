@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pytest
 import yaml
 from support.command_bench import assert_ran, inside
 
@@ -19,6 +20,7 @@ LOWER = [0.3, 0.55, 0.2, -1.2, 0.4, 0.8, 0.1]  # than where it starts, and below
 LAW = {"frame": "ee", "goal": {"posture_rad": LOWER}, "task": {"kp": 30.0}}
 
 
+@pytest.mark.slow
 def test_logs_and_exports_carry_the_wrench(tmp_path: Path):
     robot, law = tmp_path / "cell.yaml", tmp_path / "law.yaml"
     robot.write_text(yaml.safe_dump(ROBOT))

@@ -30,6 +30,7 @@ GOOD = {"deadlines": "pass", "task": "pass", "limits_and_balance": "pass"}
 FAR = ("--controller", "qp12", "--set", "controller.parameters.target_m=[9,9,9]")
 
 
+@pytest.mark.slow
 def test_a_default_run_passes_all_three(tmp_path):
     done = inside("run", "--lockstep", "--json", "--out", tmp_path / "log")
     summary = done.json()

@@ -281,6 +281,7 @@ def test_observations_share_no_memory_and_follow_the_seed_alone():
         assert not any(np.shares_memory(left[name], right[name]) for name in left)
 
 
+@pytest.mark.slow
 def test_without_gymnasium_the_error_names_the_extra():
     code = """if True:
         import sys

@@ -5,11 +5,13 @@ from __future__ import annotations
 import runpy
 
 import numpy as np
+import pytest
 from support import HOUSE
 
 EXAMPLE = runpy.run_path(str(HOUSE / "examples" / "environment.py"))
 
 
+@pytest.mark.slow
 def test_the_search_finds_better_gains_each_time_and_repeats_itself():
     found = EXAMPLE["search"](tries=5, episodes=1, seed=0)
     values = [value for _, value in found]

@@ -36,6 +36,7 @@ def test_messages_of_any_length_are_kept_as_they_came(messages: list[bytes]) -> 
     assert rows.sizes.tolist() == [len(message) for message in messages]
 
 
+@pytest.mark.slow
 @given(hnp.arrays(DTYPE, st.integers(0, 12), elements={"allow_nan": False}))
 def test_a_table_on_disk_is_the_array_that_was_put_there(array: np.ndarray[Any, Any]) -> None:
     table = on_disk([row.tobytes() for row in array]).table(DTYPE)
@@ -63,6 +64,7 @@ def test_a_message_of_another_length_is_no_row() -> None:
         on_disk([b"12345678", b"1234", b"1234"]).table(np.dtype("<u8"))
 
 
+@pytest.mark.slow
 @given(hnp.arrays(DTYPE, st.integers(1, 12)), st.data())
 def test_some_rows_are_those_that_numpy_would_copy(array: np.ndarray[Any, Any], data: Any) -> None:
     some_place = st.integers(0, len(array) - 1)

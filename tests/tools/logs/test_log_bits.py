@@ -78,6 +78,7 @@ def assert_found(path: Path, kind: str, bit: int) -> None:
         assert list(StreamReader(stream, validate_crcs=True).records)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_flipped_bit_is_found(tmp_path: Path, folder: Path, kind: str) -> None:
     content, places = sample(folder)

@@ -43,6 +43,7 @@ def spans(path: Path) -> list[tuple[int, int]]:
     return [(index.message_start_time, index.message_end_time) for index in chunks_of(path)]
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(-3 * SECOND, 3 * SECOND), max_size=60))
 def test_no_chunk_spans_a_second_of_log_time(
     tmp_path_factory: pytest.TempPathFactory, steps: list[int]
@@ -86,6 +87,7 @@ def test_wall_time_cuts_a_chunk_where_log_time_stands_still(tmp_path: Path) -> N
     assert seen >= 400
 
 
+@pytest.mark.slow
 def test_a_busy_stream_is_cut_by_size(tmp_path: Path) -> None:
     records = [Record(Kind.STATE, START, record.payload) for record in ticks(21, 4000)[::2]]
     path = write(tmp_path, records).paths[0]
@@ -116,6 +118,7 @@ for place, line in enumerate(sys.stdin):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [MS // 2, 40 * MS, 900 * MS])
 def test_a_killed_writer_loses_less_than_a_second(tmp_path: Path, step: int) -> None:
     """The test keeps the clock: a record is written, with that stamp, whenever it says so."""

@@ -119,6 +119,7 @@ def test_the_time_that_is_missing_is_told(
     assert written.missing == log.missing
 
 
+@pytest.mark.slow
 def test_a_damaged_chunk_does_not_hide_the_files_that_follow(tmp_path: Path) -> None:
     records = inputs(describe(1)) + ticks(1, 4000)
     paths = write(tmp_path, records, file_bytes=200_000, cap_bytes=100_000_000).paths
@@ -212,6 +213,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("small"), inputs(describe(2)) + ticks(2, 20)).paths[0]
 
 
+@pytest.mark.slow
 def test_chunks_that_unpack_to_far_more_than_a_log_are_refused(tmp_path: Path, small: Path) -> None:
     raw = message(bytes((1 << 24) - 100))
     path = forged(tmp_path / "a.mcap", small, raw, 640)  # 10 GiB
@@ -228,6 +230,7 @@ def test_a_chunk_that_is_too_large_is_skipped(tmp_path: Path, small: Path) -> No
     assert list(log.records())[-1].kind == Kind.GAP
 
 
+@pytest.mark.slow
 def test_more_messages_than_a_log_can_hold_are_refused(tmp_path: Path, small: Path) -> None:
     path = forged(tmp_path / "a.mcap", small, message(b"") * 30_000, 40)
     assert path.stat().st_size < 1 << 20

@@ -45,6 +45,7 @@ def test_npz_equals_the_arrays(tmp_path: Path) -> None:
                 assert np.array_equal(found[f"{prefix}.{name}"], rows[name])
 
 
+@pytest.mark.slow
 def test_csv_equals_the_arrays(tmp_path: Path) -> None:
     write(tmp_path, inputs(describe(JOINTS)) + ticks(JOINTS, 2500))  # more than two blocks
     log = Log.open(tmp_path)
@@ -87,6 +88,7 @@ SENT = st.tuples(
 )
 
 
+@pytest.mark.slow
 @given(sent=st.lists(SENT, max_size=30))
 def test_each_message_has_its_row(
     tmp_path_factory: pytest.TempPathFactory, sent: list[tuple[Kind, int, int]]

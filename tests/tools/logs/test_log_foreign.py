@@ -78,6 +78,7 @@ def test_garbage(tmp_path_factory: pytest.TempPathFactory, content: bytes, magic
         repair(path)
 
 
+@pytest.mark.slow
 @given(opcode=st.integers(1, 15), body=st.binary(max_size=120), claim=st.integers(0, 2**64 - 1))
 def test_garbage_behind_a_good_head(
     tmp_path_factory: pytest.TempPathFactory, opcode: int, body: bytes, claim: int

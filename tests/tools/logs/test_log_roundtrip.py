@@ -82,6 +82,7 @@ def test_a_log_without_messages_gives_empty_arrays(tmp_path: Path) -> None:
 HEADERS = st.sampled_from([b"\x00\x01\x00\x00", b"\x00\x00\x00\x00", b""])
 
 
+@pytest.mark.slow
 @given(
     kind=st.sampled_from(list(Kind)),
     header=HEADERS,

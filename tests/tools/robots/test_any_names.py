@@ -74,6 +74,7 @@ def test_the_motion_of_a_log_comes_back(folder, tmp_path):
     assert told["columns"] == list(hoap3.load_robot(folder / "arm.urdf").joint_names)
 
 
+@pytest.mark.slow
 def test_a_run_along_that_motion_is_verified(folder, tmp_path):
     file = tmp_path / "a.csv"
     inside("trajectory", "from", folder / "log", "--out", file)
@@ -97,6 +98,7 @@ def test_joints_named_like_axes_are_the_joints(tmp_path):
     assert any("joints" in hint for hint in told["hints"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["com", "universe"])
 def test_a_link_with_a_reserved_name_is_renamed_or_refused(name, tmp_path):
     text = chain(["j1", "j2"], ["base", "a", name])

@@ -20,12 +20,14 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return ran(tmp_path_factory.mktemp("story") / "run")
 
 
+@pytest.mark.slow
 def test_a_true_log_is_called_so_with_its_counts(story):
     content = read_content(story)
     assert content.as_json()["verified"]["verdict"] == "true"
     assert "true" in Page(page(content)).by_id("checked").text()
 
 
+@pytest.mark.slow
 def test_a_false_claim_stands_above_everything_else(story, tmp_path):
     change = changed_field(Kind.SETPOINT, 20, "v", lambda v: v * (1 + 1e-6))
     content = read_content(rewrite(story, "controller", tmp_path / "o", change))
@@ -35,6 +37,7 @@ def test_a_false_claim_stands_above_everything_else(story, tmp_path):
     assert inside("report", tmp_path / "o").code == 1
 
 
+@pytest.mark.slow
 def test_a_log_that_cannot_be_recomputed_says_why(story, tmp_path):
     def emptied(records):
         return [r._replace(payload=b"{}") if r.kind == Kind.AUTHORITY else r for r in records]

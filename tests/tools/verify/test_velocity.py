@@ -134,6 +134,7 @@ def test_a_true_log_is_true(name, logs):
     assert found.claims.counts["u"].checked >= TICKS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["clik_sdp", "ghc_velocity"])
 def test_a_change_is_found(name, logs, tmp_path):
     for kind in KINDS[name]:

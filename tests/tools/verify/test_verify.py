@@ -53,6 +53,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return ran(tmp_path_factory.mktemp("story") / "qp12", "--controller", "qp12", seconds=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "controller"), PAIRS)
 def test_a_true_log_is_true(robot, controller, tmp_path):
     given = "--robot", robot, "--controller", controller
@@ -107,6 +108,7 @@ def test_answers_that_a_solver_gave_up_on_are_no_false_alarm(tmp_path):
     assert verify(run).claims.by_tick() == []
 
 
+@pytest.mark.slow
 def test_kinematics_from_the_reference_are_followed_or_not_judged(tmp_path):
     reference = "controller.parameters.kinematics_from=reference"
     for delay in (0, 3):
@@ -115,6 +117,7 @@ def test_kinematics_from_the_reference_are_followed_or_not_judged(tmp_path):
         assert_no_false_alarm(run, "not verified" if delay else "true")
 
 
+@pytest.mark.slow
 def test_a_log_whose_first_files_are_gone_is_no_false_alarm(tmp_path):
     small = [f"{side}.log.{key}" for side in SIDES for key in ("file_mb=1", "cap_mb=2")]
     run = ran(tmp_path / "run", sets=small, seconds=5)
@@ -130,6 +133,7 @@ def test_records_that_were_dropped_are_no_false_alarm(story, tmp_path):
         assert_no_false_alarm(rewrite(story, side, tmp_path / side, dropped), "not verified")
 
 
+@pytest.mark.slow
 def test_a_long_log_is_verified_in_processes_with_the_same_result(
     story: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,6 +186,7 @@ def test_progress_of_a_process_is_passed_on_while_an_earlier_one_still_runs() ->
     assert heard == ["half"]
 
 
+@pytest.mark.slow
 def test_logs_of_two_runs_are_not_passed_together(story, tmp_path):
     both = ran(tmp_path / "both", "--seed", "9")
     shutil.copy(story / "robot.mcap", both)
@@ -189,6 +194,7 @@ def test_logs_of_two_runs_are_not_passed_together(story, tmp_path):
     assert verify(both).verdict == "not verified"
 
 
+@pytest.mark.slow
 def test_the_description_of_another_robot_is_found(story, tmp_path):
     both = ran(tmp_path / "both", sets=["emulator.plant.gravity=compensated"], seconds=0.5)
     shutil.copy(story / "controller.mcap", both)

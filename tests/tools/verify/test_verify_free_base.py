@@ -38,6 +38,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return get
 
 
+@pytest.mark.slow
 @every_pair
 def test_a_true_log_has_nothing_false(name, story):
     found = verify(story(name))

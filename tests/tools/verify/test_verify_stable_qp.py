@@ -102,6 +102,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run_of(folder / "run", controller=str(folder / "bounded.yaml"))
 
 
+@pytest.mark.slow
 def test_the_logs_of_bounded_qp12_are_true(story, tmp_path):
     assert_no_false_alarm(story)
     assert_no_false_alarm(run_of(tmp_path / "run", controller="qp12_bounded", s=1.0))

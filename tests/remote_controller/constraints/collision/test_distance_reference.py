@@ -98,6 +98,7 @@ def measured(it: Scene, given: np.ndarray) -> tuple[np.ndarray, ...]:
     return margins, A, b, contacts, told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_margins_and_rows_are_those_of_the_nearest_points(seeds):
     known = crossing = 0
@@ -141,6 +142,7 @@ def test_margins_and_rows_are_those_of_the_nearest_points(seeds):
     assert crossing > 0.01 * PAIRS * len(seeds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_far_margins_are_never_too_large_and_the_least_is_exact(seeds):
     for seed in seeds:
@@ -159,6 +161,7 @@ def test_far_margins_are_never_too_large_and_the_least_is_exact(seeds):
             near(margins.min(), exact.min())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_accelerations_are_those_of_the_margins_and_of_the_points_that_face(seeds):
     measured_ones = facing = 0

@@ -57,6 +57,7 @@ def test_what_stands_for_a_cylinder_is_never_further_than_the_cylinder():
     assert len(names) >= 3
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seed=SEEDS)
 def test_two_boxes_anywhere_are_as_far_apart_as_coal_says_or_overlap(seed):
@@ -101,6 +102,7 @@ def test_every_shape_of_a_link_counts():
     assert nearer == {0, 1}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("activation", [1e-6, 0.02, 0.3])
 @settings(max_examples=8)
 @given(seed=SEEDS)
@@ -196,6 +198,7 @@ def test_the_links_that_the_initial_posture_has_together_are_no_automatic_pair()
     assert any({"r_forearm", "l_forearm"} == set(name.split(" to ")) for name in names)
 
 
+@pytest.mark.slow
 def test_from_inside_a_ball_the_rows_lead_out_at_the_limited_rate():
     (body,) = links(small())["fore"]
     ball = {"name": "ball", "shape": "sphere", "center_m": [0.02, 0.0, 0.5], "radius_m": 0.05}

@@ -66,6 +66,7 @@ AT_HAND = [  # around the right hand of the start posture, at (0.116, -0.129, 0.
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["trunk", "r_thigh", "ball", "pole", "table"])
 def test_an_arm_of_hoap3_pushed_onto_something_stops_and_keeps_every_distance(other):
     scene = [each for each in AT_HAND if each["name"] == other]

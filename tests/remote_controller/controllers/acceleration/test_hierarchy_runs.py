@@ -18,6 +18,7 @@ def column(done: Simulation, name: str) -> np.ndarray:
     return done.setpoints["extra"][:, done.controller.extra_names.index(name)]
 
 
+@pytest.mark.slow
 def test_the_highest_task_comes_to_its_target_though_others_contradict_it():
     order = {"order": ["hand", "elbow", "posture"]}
     done = simulate("lwr_weightless", content("ghc", priorities=order), 6.5)
@@ -63,6 +64,7 @@ def test_a_moving_target_is_followed_with_its_acceleration():
     assert column(done, "error_hand")[1500:].max() < 1e-4  # without, 4e-3
 
 
+@pytest.mark.slow
 def test_the_hand_keeps_its_force_and_its_place_on_the_table():
     change = {"at_s": 0.5, "order": ["hand", "elbow", "posture"], "over_s": 0.5}
     priorities = {"order": ["elbow", "hand", "posture"], "timeline": [change]}

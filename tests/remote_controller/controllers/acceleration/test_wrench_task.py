@@ -321,6 +321,7 @@ def over_a_sole(seconds: float = 4.0, priorities: Any = ORDER, **parameters: Any
     return done, {name: extra[:, place] for place, name in enumerate(names)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("torques", [(0.0, 0.0), (0.06, -0.04)])
 def test_a_sole_lies_down_flat_and_presses_where_it_is_told(torques):
     """The corners' springs yield to the torque by what they are stiff: 4·K·(2 cm)² [N m/rad]."""

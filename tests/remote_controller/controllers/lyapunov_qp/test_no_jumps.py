@@ -48,6 +48,7 @@ def test_behind_a_target_that_moves_outside_it_slides_along_the_edge(task):
     assert found.setpoints["margin"].min() >= -1e-6
 
 
+@pytest.mark.slow
 def test_started_outside_a_polygon_it_comes_in_and_rests():
     deep = {"constraint": "support_polygon", "parameters": {"margin_m": 0.03}}
     found = run(settings(constraints=[SPEED, RANGE, deep]), 3.0)

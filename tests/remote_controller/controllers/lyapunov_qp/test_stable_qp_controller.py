@@ -46,6 +46,7 @@ def test_every_tick_of_a_shipped_config_is_certified_and_v_falls_as_promised(cas
         assert (np.diff(v)[away] <= 4e-16 * v[:-1][away]).all()
 
 
+@pytest.mark.slow
 def test_the_com_stops_at_the_edge_of_its_support():
     found = run(settings(target_m=OUTSIDE, objective={"kind": "qp12", "gamma": 0.0}), 4.0)
     p = found.setpoints

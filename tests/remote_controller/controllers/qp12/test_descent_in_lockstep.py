@@ -63,6 +63,7 @@ def test_v_never_rises_as_printed(gamma):
     assert simulation.setpoints["v"][-1] < 1e-2 * simulation.setpoints["v"][0]
 
 
+@pytest.mark.slow
 def test_v_never_rises_until_e_is_a_nanometre():
     simulation = lockstep(14.0, gamma=0.1, psi_scale="one")
     check_descent(simulation)

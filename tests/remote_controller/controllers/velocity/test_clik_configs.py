@@ -84,6 +84,7 @@ def written(fed: bool):
         return simulate("ur5", "clik_sdp_writing", 3.0)
 
 
+@pytest.mark.slow
 def test_feed_forward_keeps_the_hand_within_a_hundredth_of_a_millimetre_of_the_path():
     ahead, behind = (column(written(fed), "error_hand")[1500:].max() for fed in (True, False))
     assert ahead < 1e-5

@@ -73,6 +73,7 @@ def assert_bounded(turns: Rotation, *, fast: float = 1.0) -> None:
         found = np.diff(found, axis=0) / T
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_whatever_comes_orientation_and_angular_velocity_are_continuous(seed):

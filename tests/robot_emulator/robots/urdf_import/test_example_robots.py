@@ -90,6 +90,7 @@ def check_joints(robot: RobotDescription, path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FEW)
 def test_a_vendors_robot_has_its_joints_and_moves_as_pinocchio_says(name):
     robot = import_robot(MOVING[name]).description

@@ -43,6 +43,7 @@ def final_error(path: Path, duration: float, plant: str = "servo") -> tuple[floa
     return error, bool(spent.any(1).mean() > 0.9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["servo", "mujoco"])
 def test_the_tip_of_a_small_arm_arrives(plant, tmp_path):
     error, _ = final_error(vendor_folder(tmp_path), 5.0, plant)

@@ -18,6 +18,7 @@ from hoap3.tools.services.run import run_lockstep
 ARMS = [("ur5", "qp12", "tool0"), ("lwr", "tsid", "ee"), ("humanoid32", "clik_sdp", "r_palm")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "config", "tool"), ARMS)
 def test_of_an_arm_the_tool_is_shown_and_no_sole(robot, config, tool, tmp_path):
     sides = load_emulator_config(robot, [])[0], load_controller_config(config, [])[0]
@@ -34,6 +35,7 @@ def test_of_an_arm_the_tool_is_shown_and_no_sole(robot, config, tool, tmp_path):
     assert len(drawings["positions"].keys) >= len(motion.joints[:6])
 
 
+@pytest.mark.slow
 def test_positions_are_shares_of_the_usable_range(tmp_path):
     sides = load_emulator_config("hoap3", [])[0], load_controller_config("qp12", [])[0]
     run_lockstep(*sides, 0.2, tmp_path / "run")
@@ -49,6 +51,7 @@ def test_positions_are_shares_of_the_usable_range(tmp_path):
     assert {"sole", "positions"} <= drawings.keys()
 
 
+@pytest.mark.slow
 def test_joints_without_limits_have_no_share_of_a_range(tmp_path):
     robot = str(write(tmp_path).parent)
     sides = load_emulator_config(robot, [])[0], load_controller_config("qp12", [])[0]

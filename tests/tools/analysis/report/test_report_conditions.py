@@ -78,6 +78,7 @@ def test_the_page_has_them_as_a_table_and_no_longer_as_events(content):
     assert "events" not in shown.sections()
 
 
+@pytest.mark.slow
 def test_without_any_there_is_no_section(tmp_path, story):
     still = read_content(controllers_log(tmp_path, [set()] * 3))
     assert still.as_json()["conditions"] == []

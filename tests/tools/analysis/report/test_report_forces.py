@@ -44,6 +44,7 @@ def weak(tmp_path_factory):
     return folder, summary
 
 
+@pytest.mark.slow
 def test_efforts_that_were_too_small_stand_at_the_head_and_in_the_figures(weak):
     content = read_content(weak[0])
     count = weak[1]["torque_limited"]

@@ -63,6 +63,7 @@ def _wider(summary: dict[str, Any]) -> None:
     summary["tasks"][0] |= {"tolerance": 1.0, "within": True}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [None, _unjudged, _wider])
 def test_the_task_is_judged_by_the_ticks(change: Change | None, run: Path, tmp_path: Path) -> None:
     before = json.loads(inside("report", run, "--json").stdout)
@@ -85,6 +86,7 @@ def _bad_name(description: dict[str, Any]) -> None:
     description["joints"][0]["name"] = "a/b"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["robot", "controller"])
 @pytest.mark.parametrize(
     ("kind", "change", "part"),
@@ -106,6 +108,7 @@ def test_a_part_that_cannot_be_judged_is_named(
     assert part in told
 
 
+@pytest.mark.slow
 def test_a_controller_of_ones_own_is_repeated_only_where_that_is_allowed(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,6 +34,7 @@ def motion(lockstep):
     return read_motion(Sources.open(lockstep[0]))
 
 
+@pytest.mark.slow
 def test_the_figures_of_a_run_in_lockstep_are_those_of_its_summary(lockstep):
     folder, ended = lockstep
     figures = read_content(folder).as_json()
@@ -152,6 +153,7 @@ def test_events_are_words(lockstep):
     assert told["controller", "reset"].startswith("at tick")
 
 
+@pytest.mark.slow
 def test_the_machine_versions_and_settings_are_on_the_page(lockstep):
     folder, ended = lockstep
     section = Page(page(read_content(folder))).by_id("machine").text()

@@ -195,6 +195,7 @@ def test_a_free_base_is_drawn_where_it_is_and_stands_on_the_soles_that_touch(gol
     assert 'class="c-support"' not in above.svg
 
 
+@pytest.mark.slow
 def test_of_a_robot_of_very_many_shapes_the_report_stays_small(tmp_path):
     robot = describe(40)
     shape = '<visual><origin xyz="{} {} {}"/><geometry><{}/></geometry></visual>'

@@ -117,6 +117,7 @@ def test_a_folder_that_cannot_be_written_is_a_problem(tmp_path):
     assert "Permission denied" in finding.found
 
 
+@pytest.mark.slow
 def test_the_cache_for_kernels_is_known_to_be_kept_or_not(tmp_path):
     code = "from hoap3.tools.bench.doctor.system import kernel_cache; print(*kernel_cache())"
     for folder, kept in ((tmp_path / "own", "True"), (Path("/proc/nowhere"), "False")):
@@ -202,6 +203,7 @@ def test_the_exit_code_is_one_where_there_is_a_problem(monkeypatch, capsys, leve
     assert json.loads(capsys.readouterr().out) == diagnosis(level)
 
 
+@pytest.mark.slow
 def test_people_read_standard_output_and_programs_one_object():
     code = "import hoap3.tools.bench.doctor.doctor as it, sys; sys.exit(it.run_doctor({}, False))"
     told, printed = (

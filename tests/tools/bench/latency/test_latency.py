@@ -31,6 +31,8 @@ from hoap3.tools.machine.loopback_links import LINKS
 from hoap3.tools.services.configs import load_emulator_config
 from hoap3.tools.services.messages import LiveFigures, LoopEvent
 
+pytestmark = pytest.mark.slow
+
 US = 1_000
 PROMISED = {
     "verdicts", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
@@ -169,7 +171,6 @@ def test_every_link_is_measured(link):
     assert found["rtt_ratio"] > 0
 
 
-@pytest.mark.slow
 def test_with_certificates_the_round_trips_in_plain_stand_beside(tmp_path):
     found = measure_latency(plan(link="tls", out=tmp_path / "logs"))
     assert found["transport"].startswith("zenoh over tls")

@@ -16,6 +16,8 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.analysis.replay import replay
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 FOUND = {"false", "not verified", "error"}
 
 
