@@ -47,7 +47,8 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
         assert path.name == f"robot-arm-{robot.process.pid}.sock"
         session = tell("status", at, "arm")["session_id"]
         where = f"  at {at}, process {robot.process.pid}, session {session}\n"
-        assert inside("status").stdout == f"arm: idle, follows nobody\n{where}"
+        idle = "arm: idle, follows nobody; start a controller to move it\n"
+        assert inside("status").stdout == f"{idle}{where}"
         assert inside("status", "arm", "--json").json().keys() == tell("status", at, "arm").keys()
         assert inside("stop", "--json").json()["mode"] == "stopped"
         stopped = inside("status", "--connect", at).stdout
@@ -55,7 +56,7 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
         assert "hoap3 recover arm" in stopped
         told = inside("status", "--json").json()
         assert (told["robot"], told["stop_reason"]) == ("arm", "command")
-        assert inside("recover").stdout == "arm: idle, follows nobody\n"
+        assert inside("recover").stdout == idle
         again = inside("recover")
         assert (again.code, again.stdout) == (1, "")
         assert again.stderr.startswith("error: ")
