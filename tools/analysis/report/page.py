@@ -72,7 +72,9 @@ def page(content: Content) -> str:
         given,
         kind="report",
         title=f"{content.robot} · {content.controller}",
-        headline=headline(content.judged, content.checked.verdict),
+        headline=headline(
+            content.judged, content.checked.verdict, virtual=content.sources.lockstep
+        ),
         sections={name: title for name, title in SECTIONS.items() if filled.get(name, True)},
         content=content,
         drawings=drawings,
@@ -86,12 +88,13 @@ def page(content: Content) -> str:
     )
 
 
-def headline(judged: Mapping[str, Any], verified: str) -> str:
+def headline(judged: Mapping[str, Any], verified: str, *, virtual: bool = False) -> str:
     """State in one sentence whether the run passed, and why not.
 
     Args:
         judged: has the keys that `judge` returns.
         verified: the result of the verification.
+        virtual: in lockstep, where to be in time says nothing about this machine.
     """
     verdicts, words = judged["verdicts"], in_words(judged)
     found = []
@@ -102,7 +105,8 @@ def headline(judged: Mapping[str, Any], verified: str) -> str:
             found.append(f"{begin}: {', '.join(reasons)}")
     if verified == "false":
         found.insert(0, "Verification failed: numbers in the log are not what follows from it")
-    return ". ".join(found) or "Passed: within tolerance at the end, in time, and within all limits"
+    time = "in time (virtual time)" if virtual else "in time"
+    return ". ".join(found) or f"Passed: within tolerance at the end, {time}, within all limits"
 
 
 def write_report(

@@ -86,6 +86,7 @@ def test_the_first_line_is_not_green_where_something_is_open_or_false():
     told = {key: {"text": "why; more"} for key in ("task", "deadlines", "limits_and_balance")}
     good = dict.fromkeys(told, "pass")
     assert headline({**told, "verdicts": good}, "true").startswith("Passed")
+    assert "virtual" in headline({**told, "verdicts": good}, "true", virtual=True)
     assert headline({**told, "verdicts": good}, "false").startswith("Verification failed")
     mixed = {**good, "deadlines": "warn", "task": "not judged"}
     assert headline({**told, "verdicts": mixed}, "true") == (
