@@ -84,7 +84,7 @@ def test_records_that_an_observer_misses_are_reported_with_and_without_a_log(
         ring.write(*record)
     os.kill(service.pid, signal.SIGCONT)
     assert service.observer.close()
-    assert service.observer.result.summary["dropped_records"] == ring.dropped > ring.slots
+    assert service.observer.result.figures["dropped_records"] == ring.dropped > ring.slots
     assert f"{ring.dropped} records" in capfd.readouterr().err
 
 
