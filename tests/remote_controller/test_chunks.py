@@ -114,6 +114,7 @@ def test_without_the_targets_of_its_log_a_replay_differs():
     assert not replay_records(fewer, config).identical
 
 
+@pytest.mark.slow
 def test_verify_tells_a_target_that_was_changed_in_the_log():
     run, _ = steered(1.5)
     records = list(run.records)

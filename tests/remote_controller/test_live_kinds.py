@@ -235,6 +235,7 @@ def changed(records: list[Record], which: int, size: float) -> list[Record]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", marked())
 def test_targets_are_taken_replayed_to_the_bit_and_verified(case):
     seconds = 1.5 if case == "force" else 0.8  # until it touches

@@ -77,6 +77,7 @@ def test_a_conflict_names_both_endpoints_the_incumbent_first():
     assert 0 < text.index("tcp/127.0.0.1:1 (process 12") < text.index("tcp/127.0.0.1:2 (process 13")
 
 
+@pytest.mark.slow
 def test_two_peers_at_one_router_do_not_start_under_one_name(network):
     at, reports = free_endpoint(), list[str]()
     router(network, at)
@@ -102,6 +103,7 @@ def conflict(network) -> tuple[Network, ZenohRobotLink, ZenohRobotLink, str, lis
     return network, *pair, at, reports
 
 
+@pytest.mark.slow
 def test_two_that_become_visible_to_each_other_both_report_it(conflict):
     _, first, second, _, reports = conflict
     places = [one._name._own.endpoint for one in (first, second)]
@@ -113,6 +115,7 @@ def test_two_that_become_visible_to_each_other_both_report_it(conflict):
     eventually(lambda: first.name_conflicts == 0, "the end of the conflict")
 
 
+@pytest.mark.slow
 def test_a_client_that_sees_two_sessions_refuses_and_names_both(conflict):
     network, first, second, at, _ = conflict
     session = network.keep(open_session(LinkSettings(mode="client", connect=(at,))))
@@ -127,6 +130,7 @@ def test_a_client_that_sees_two_sessions_refuses_and_names_both(conflict):
     check_unique(session, "arm")
 
 
+@pytest.mark.slow
 def test_a_newer_robot_without_a_holder_sends_no_states(conflict):
     network, first, second, at, _ = conflict
     link = network.keep(ZenohControllerLink("arm", LinkSettings(mode="client", connect=(at,)), "t"))
@@ -142,6 +146,7 @@ def test_a_newer_robot_without_a_holder_sends_no_states(conflict):
             assert found == state(INCUMBENT, 100)
 
 
+@pytest.mark.slow
 def test_the_incumbents_controller_does_not_lose_it_where_the_other_robot_ends(conflict):
     network, first, second, at, _ = conflict
     link = network.keep(ZenohControllerLink("arm", LinkSettings(mode="client", connect=(at,)), "t"))
@@ -155,6 +160,7 @@ def test_the_incumbents_controller_does_not_lose_it_where_the_other_robot_ends(c
     assert not link.presence.is_set()
 
 
+@pytest.mark.slow
 def test_robots_in_lockstep_with_one_seed_are_told_apart(network):
     at, reports = free_endpoint(), list[str]()
     pair = [

@@ -392,6 +392,7 @@ def test_a_port_that_something_else_uses_is_named(network):
             network.robot(listen=(endpoint,))
 
 
+@pytest.mark.slow
 def test_a_client_finds_nobody_and_says_so():
     endpoint = free_endpoint()
     with pytest.raises(LinkError, match=endpoint):

@@ -16,6 +16,7 @@ from hoap3.remote_controller.tasks import se3_kernels, se3_reference
 SEEDS = seed_ranges(150, 1050, 5650)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", SEEDS, ids=AMOUNTS)
 def test_error_jacobian_and_rate_are_those_of_the_matrix_logarithm(seeds):
     for seed in seeds:

@@ -208,6 +208,7 @@ def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path):
         refusal(inside(*command, "--out", tmp_path / "log"), f"{side}.mcap")
 
 
+@pytest.mark.slow
 def test_nobody_to_talk_to():
     at = endpoint()
     refusal(inside("status", "--connect", at), at, code=1)

@@ -73,6 +73,7 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_robot_that_compiles_is_starting():
     starting = Status(mode="starting", holder=None, session_id=7, tick=0, lockstep=False)
     with closing(LocalControl("arm", ("tcp/127.0.0.1:1",), starting.model_dump())):

@@ -16,6 +16,7 @@ from hoap3.tools.services import services
 from hoap3.tools.services.messages import ServiceConfig
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["settled_alone", "observer_for"])
 def test_a_service_that_systemd_starts_again_and_again_leaves_no_empty_folders(
     part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -231,6 +231,7 @@ def closed(pen: PagePen) -> None:
             pass
 
 
+@pytest.mark.slow
 def test_a_page_that_says_nothing_but_nonsense_is_cut_off_and_others_are_not(served):
     with page(served.host, served.token) as other:
         with page(served.host) as fool:
@@ -449,6 +450,7 @@ def test_who_opens_pages_all_the_time_is_refused(served, monkeypatch):
             return
 
 
+@pytest.mark.slow
 def test_a_page_that_draws_slowly_is_sent_the_newest_frame_when_it_has_drawn(served):
     with page(served.host) as pen:
         for drawn in (0, 2, 5):

@@ -310,6 +310,7 @@ def test_a_state_that_is_not_finite_is_refused_and_spoils_no_later_one():
         np.testing.assert_array_equal(spoilt.step(state_at(READY, tick)).values, expected)
 
 
+@pytest.mark.slow
 def test_the_shipped_motion_is_what_its_comments_say():
     """The foot gets near its target, then yields to the posture; the centre of mass never does."""
     found = simulate("hoap3", "ghc_velocity", 8.0)

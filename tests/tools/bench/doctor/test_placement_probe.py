@@ -241,6 +241,7 @@ def locks(monkeypatch):
         yield
 
 
+@pytest.mark.slow
 def test_processes_really_exchange_messages(locks, monkeypatch):
     share = "hoap3.tools.services.placement.LOST"
     monkeypatch.setattr(share, 0.9)  # a busy machine loses some
