@@ -112,7 +112,7 @@ def judge_run(
     *,
     expected: bool = False,
 ) -> dict[str, Any]:
-    """`judge` a run that was observed while it went on.
+    """Return the verdicts of an observed run, as `judge` does.
 
     Args:
         figures: as of `judge_deadlines`.

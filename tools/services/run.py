@@ -216,7 +216,7 @@ def run_lockstep(
     controlled = results.get("controller") or ObserverResult(
         "controller", certificates=unlogged.count.figures(), outcome=unlogged.outcome
     )
-    summary = _joined(robot, robot.figures, controlled)
+    summary = _merge_results(robot, robot.figures, controlled)
     summary["log_lost"] = lost
     summary["metrics_lost"] = [o.unserved for o in observers.values() if o.unserved]
     summary["lockstep"] = {
@@ -287,7 +287,7 @@ class _Services:
             raise Hoap3Error("; ".join(self.damage) or without)
         controller_result = self.results.get("controller", ObserverResult("controller"))
         return {
-            **_joined(robot, robot.figures, controller_result),
+            **_merge_results(robot, robot.figures, controller_result),
             "log_lost": self.damage,
             "metrics_lost": self.unserved,
             "interrupted": self._stop(),
@@ -352,7 +352,7 @@ class _Services:
         return f"{what}; last heard: {self.last_text}" if self.last_text else what
 
 
-def _joined(
+def _merge_results(
     robot: ObserverResult, figures: dict[str, Any], controller: ObserverResult
 ) -> dict[str, Any]:
     """Figures and verdicts of a run, from what the observers of both sides have counted."""

@@ -33,7 +33,7 @@ SETTLED = 1e-12  # of the decrease: by so little too little, it is found
 SHORT = 0.5 * SETTLED  # of the decrease: what is aimed at lies below it, for certain
 CERTAIN = 1e-14  # relative: more than rounding
 LARGE = 1e100  # what lies between this and its inverse is squared without a second thought
-ROUNDING = 1e-15  # n times this share of a decrease is rounding
+ROUNDING = 1e-15  # relative, per joint: a remainder below n times this share of the demand is 0
 
 
 def work_shape(n: int) -> tuple[int, int]:
@@ -105,7 +105,7 @@ def _multiplier(a: Vector, limit: Vector, demand: float, kappa: float) -> float:
 def _remaining(rest: float, demand: float, n: int) -> float:
     """What clamped joints leave of a demand, 0 where it is rounding: see `ROUNDING`.
 
-    A joint whose gradient is rounding, too, would be moved at its limit for it.
+    Otherwise a joint with a gradient of rounding size would move at its limit.
     """
     return rest if rest > n * ROUNDING * demand else 0.0
 

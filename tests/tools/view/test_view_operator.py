@@ -266,6 +266,77 @@ def test_an_entered_pose_is_not_sent_after_a_stop(play):
     assert stage.robot.done[stop + 1 :].count("target") <= 1  # one that was on its way
 
 
+@pytest.mark.parametrize("verb", ["stop", "recover"])
+def test_an_entered_pose_is_held_where_a_stop_or_recovery_has_failed(play, verb):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", place(AIM))
+        await stage.until(lambda: stage.robot.sent == [AIM])
+
+        def fails() -> dict[str, Any]:
+            raise LinkError("no answer")
+
+        stage.source.stop = fails
+        with pytest.raises((LinkError, UsageError)):
+            await stage.operator.act("another page", {"verb": verb})
+        if verb == "stop":
+            await stage.until(lambda: stage.robot.sent[-1] != AIM)
+        stage.operator.left("page")
+        await stage.until(lambda: "release" in stage.robot.done)
+
+    stage = play(story)
+    assert stage.robot.sent[-1] != AIM
+
+
+def test_a_page_that_was_silent_enters_no_pose_before_it_loses_its_role(play, monkeypatch):
+    monkeypatch.setattr(operator, "SETTLE_S", PATIENCE_S)
+
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.left("page", "is silent")
+        with pytest.raises(UsageError, match="silent"):
+            stage.operator.move("page", place(AIM))
+        stage.operator._free()
+
+    assert play(story).robot.sent == []
+
+
+def test_an_entered_pose_is_held_though_a_question_is_lost(play):
+    """One unanswered count ends nothing; a link that is lost ends the role, with a hold."""
+
+    async def story(stage: Stage) -> None:
+        whole = stage.robot.counts
+
+        def counts() -> dict[str, Any]:
+            if len(stage.robot.sent) < 3:
+                raise LinkError("no answer")
+            return whole()
+
+        stage.robot.counts = counts
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", place(AIM))
+        await stage.until(lambda: len(stage.robot.sent) == 3)
+        assert stage.operator.says("page") == "me"
+        stage.operator._give_up("a test")
+        await stage.until(lambda: "release" in stage.robot.done)
+
+    stage = play(story)
+    assert stage.robot.sent[:3] == [AIM] * 3
+    assert stage.robot.sent[-1] != AIM
+
+
+def test_an_entered_pose_is_held_when_the_server_ends(play, monkeypatch):
+    monkeypatch.setattr(operator, "HOLD_S", 0.3)
+
+    async def story(stage: Stage) -> None:
+        stage.robot.gets = False  # so that it is still being sent
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", place(AIM))
+        await stage.until(lambda: len(stage.robot.sent) > 1)
+
+    assert play(story).robot.sent[-1] != AIM
+
+
 def test_a_page_that_is_silent_is_held_and_then_steers_no_longer(play, monkeypatch):
     monkeypatch.setattr(motion, "SILENT_S", PATIENCE_S)
 

@@ -186,7 +186,8 @@ function allow() {
   at("recover").disabled = !live || page.frame?.mode !== "stopped";
   if (now === steering) return;
   steering = now;
-  if (!now && !releasing) complain("This page is no longer the operator: see Events for the reason.");
+  const told = trouble.words && performance.now() < trouble.until_ms; // mostly the reason
+  if (!now && !releasing && connection.proved && !told) complain("This page is no longer the operator.");
   releasing = false;
   connection.beat(now);
   write(at("steer"), now ? "Release" : "Steer");
@@ -271,7 +272,10 @@ at("recover").addEventListener("click", () => ask("recover"));
 at("steer").addEventListener("click", () => {
   if (steering) {
     releasing = true;
-    return ask("release");
+    return connection.act({ verb: "release" }, (error) => {
+      if (error !== null) releasing = false;
+      answered(error);
+    });
   }
   connection.beat(true); // from now on: the answer may take longer than silence is borne
   connection.act({ verb: "acquire" }, (error) => {

@@ -96,11 +96,22 @@ export class Joints {
   }
 }
 
+const ALONG_PX = 8; // by which a finger moves a slider
+
 /** Ignores a touch on a slider until it moves along it: scrolling must not command the robot. */
 export function ignoreRestingTouch(slider) {
   let before = null; // the value to restore
-  slider.addEventListener("pointerdown", ({ pointerType }) => (before = pointerType === "touch" ? slider.value : null));
-  for (const kind of ["pointermove", "keydown"]) slider.addEventListener(kind, () => (before = null));
+  let start = 0; // where the finger came down
+  slider.addEventListener("pointerdown", ({ pointerType, clientX }) => {
+    before = pointerType === "touch" ? slider.value : null;
+    start = clientX;
+  });
+  slider.addEventListener("pointermove", ({ clientX }) => {
+    if (Math.abs(clientX - start) > ALONG_PX) before = null;
+  });
+  slider.addEventListener("keydown", () => (before = null));
+  // after the events of this touch
+  for (const kind of ["pointerup", "pointercancel"]) slider.addEventListener(kind, () => setTimeout(() => (before = null)));
   for (const kind of ["input", "change"]) {
     slider.addEventListener(kind, (event) => {
       if (before === null) return;

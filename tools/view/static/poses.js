@@ -98,13 +98,13 @@ class Pose {
   }
 
   arm(on) {
+    if (!on) Object.assign(this, { known: false, asked: "", editing: false });
     for (const each of [...this.fields, ...this.buttons]) each.disabled = !on;
   }
 
   #send(send) {
     const numbers = this.fields.map((field) => field.valueAsNumber);
     if (numbers.some(Number.isNaN)) return; // an empty field
-    this.editing = false;
     const [from, to] = this.parts;
     send([...(from < 3 ? numbers.slice(0, 3) : []), ...(to > 3 ? quaternion(numbers.slice(-3)) : [])]);
   }
@@ -121,6 +121,14 @@ export class Poses {
     Object.assign(this, { connection, isFree, answered, all: [], armed: false, ofTasks: true });
   }
 
+  #send(name, values) {
+    if (!this.isFree()) return this.answered("another target is being moved");
+    this.connection.act({ verb: "place", name, values }, (error) => {
+      if (error === null) for (const each of this.all) if (each?.name === name) each.editing = false;
+      this.answered(error);
+    });
+  }
+
   /**
    * @param {object[]} targets of `hello` or `changed`
    * @param {object} frame the newest
@@ -131,7 +139,7 @@ export class Poses {
       ? frame.frames.map(({ name }) => new Pose(name, "the world", PARTS.frame_pose, null))
       : targets.map(({ name, kind, reference }) => {
           if (!(kind in PARTS)) return null;
-          const send = (values) => this.isFree() && this.connection.act({ verb: "place", name, values }, this.answered);
+          const send = (values) => this.#send(name, values);
           return new Pose(name, reference ?? "the world", PARTS[kind], send);
         });
     at("poses").replaceChildren(...this.all.filter(Boolean).map(({ box }) => box));

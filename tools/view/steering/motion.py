@@ -1,4 +1,4 @@
-"""What a page's hand moves, and when it has to stop: no network and no clock in it.
+"""The targets that a page moves, and when they have to stop: no network and no clock in it.
 
 While a page drags or drives a target, it sends a sign of life every 25 ms. Without one for 120 ms
 these targets are held. A target whose pose was entered goes on, as one of a planner would, until
@@ -73,12 +73,16 @@ class Motion:
         frames = self._told()
         if frames is not self._frames:
             self._frames, self._poses = frames, Poses(frames.description)
-        self._due.clear()
-        self._moved.clear()
+        self.forget_motion()
         self._placed.clear()
-        self._driven.clear()
         self.asked.clear()
         self._heard = self._stepped = now_s
+
+    def forget_motion(self) -> None:
+        """Send nothing more; `hold` still knows entered poses, until a stop is confirmed."""
+        self._due.clear()
+        self._moved.clear()
+        self._driven.clear()
 
     def beat(self, now_s: float) -> None:
         """The page lives."""
@@ -98,7 +102,7 @@ class Motion:
         self._heard = now_s
 
     def place(self, name: object, values: object, now_s: float) -> None:
-        """Take where a target shall be, as `drag` does, but let it go there without signs of life.
+        """Accept an entered pose of a target, which it goes to without signs of life of the page.
 
         Raises:
             UsageError: no such target, or not its numbers.

@@ -26,6 +26,7 @@ TICK_S = 0.02  # between two looks at what moves
 SETTLE_S = 0.2  # between a hold and a release: targets and questions come on different ways
 AGAIN_S = 0.03  # after which a hold that the controller has not got is sent again
 HOLD_S = 1.5  # and for how long: within the lease
+UNCONFIRMED = -1  # in place of the number of a message
 COUNT_S = 1.0  # between two questions what was refused
 Told = Callable[[dict[str, Any]], None]
 Result = TypeVar("Result")
@@ -56,7 +57,7 @@ class Operator:
         self._refused: dict[str, int] = {}
         self._count_s = self._release_s = 0.0
         self._sent = False
-        self._stops = 0
+        self._stops, self._why = 0, ""
         self.page: object | None = None
 
     @property
@@ -77,22 +78,27 @@ class Operator:
         Raises:
             Hoap3Error: it is refused; says why.
         """
-        verb, now = do.get("verb"), time.monotonic()
+        verb = do.get("verb")
         match verb:
             case "stop":
                 self._stops += 1
-                asked = self._ask("stop", self._source.stop)
-                self._motion.begin(now)  # whatever moved does so no longer by our hand
-                await asyncio.shield(asked)  # also where the page goes meanwhile
+                stopping = self._ask("stop", self._source.stop)
+                self._motion.forget_motion()
+                try:
+                    await asyncio.shield(stopping)  # also where the page goes meanwhile
+                except Hoap3Error:
+                    self._hold_all()
+                    raise
+                self._motion.begin(time.monotonic())
                 self._source.look_again()
                 return {}
             case "recover":
-                self._motion.begin(now)
                 done = await self._ask("ask", lambda: self._robot().recover())
                 self._source.look_again()
                 if done.get("recovered") is False:
                     mode = done.get("mode")
                     raise UsageError(f"it is {mode}: only a stopped robot can be recovered")
+                self._motion.begin(time.monotonic())
                 return {}
             case "change":
                 what, over_s = do.get("what"), do.get("over_s")
@@ -122,6 +128,8 @@ class Operator:
         if verb != "drop" and verb not in takes:
             return False
         self._steers(page)
+        if self._release_s:
+            raise UsageError("this page was silent and is about to lose its role: steer again")
         if verb == "drop":
             motion.hold()
         else:
@@ -133,13 +141,13 @@ class Operator:
         if page is self.page:
             self._motion.beat(time.monotonic())
 
-    def left(self, page: object) -> None:
-        """A page has gone: what it moved is held at once, and it steers no longer soon."""
+    def left(self, page: object, why: str = "has gone") -> None:
+        """A page has gone or is silent: hold what it moved at once, and soon end its role."""
         if page is self.page:
             self._survive(self._hold_all)
             self._survive(self._flush)
         if page is self.page:  # still
-            self._release_s = time.monotonic() + SETTLE_S
+            self._release_s, self._why = time.monotonic() + SETTLE_S, why
 
     async def run(self) -> None:
         """Look after what moves, until cancelled; then hold it, and steer no longer."""
@@ -152,7 +160,12 @@ class Operator:
             self._survive(self._flush)
 
     def close(self) -> None:
-        """Steer no longer, and leave the network."""
+        """Send what is still to be held, steer no longer, and leave the network."""
+        until = time.monotonic() + 2.0 * HOLD_S
+        while (self._is_sending or self._motion.waits) and time.monotonic() < until:
+            with suppress(Exception):  # pages are gone: there is nobody to tell
+                self._flush()
+            time.sleep(TICK_S)
         if self.page is not None:
             time.sleep(SETTLE_S)
         for name, threads in self._threads.items():
@@ -165,12 +178,10 @@ class Operator:
             return
         if self._flush():
             self._count(now)
-        gone = self._motion.is_gone(now)
-        if gone and not self._release_s:
-            self.left(self.page)
+        if self._motion.is_gone(now) and not self._release_s:
+            self.left(self.page, "is silent")
         elif 0.0 < self._release_s < now and not self._is_sending:
-            how = "is silent" if gone else "has gone"
-            self._give_up(f"the page that steered {how}")
+            self._give_up(f"the page that steered {self._why}")
 
     def _hold_all(self) -> None:
         self._motion.hold(placed=True)
@@ -183,10 +194,21 @@ class Operator:
             self._give_up(f"nobody steers here any more: {type(error).__name__}: {error}")
 
     def _give_up(self, why: str) -> None:
-        """Nobody steers here any more, and who wants to may; all pages are told."""
+        """End the role of the page, hold what it moved, and tell all pages."""
+        due: dict[str, list[float]] = {}
+        with suppress(Exception):  # where nothing is known of the robot any more
+            self._hold_all()
+            due = self._motion.step(time.monotonic())
         self._free()
-        self._threads["ask"].submit(self._let_go)
+        self._threads["send"].submit(self._leave, due)
         self._tell(page_warning(why))
+
+    def _leave(self, due: Mapping[str, list[float]]) -> None:
+        """In a thread: send the last holds, then release."""
+        if due and self._connection is not None:
+            with suppress(Hoap3Error):
+                self._hold(self._connection, due, self._stops)
+        self._let_go()
 
     def _flush(self) -> bool:
         """Send what is due, unless the last is still being sent; whether we still steer."""
@@ -198,11 +220,16 @@ class Operator:
             if error is not None:
                 self._give_up(f"nobody steers here any more: {error}")
                 return False
+            if sending.result() == UNCONFIRMED:
+                self._tell(page_warning("the controller has not confirmed the last target"))
         due = self._motion.step(time.monotonic())
         if due and self._connection is not None:
             self._sent = True
-            send = _send if self._motion.moves else self._hold
-            self._sending = self._threads["send"].submit(send, self._connection, due)
+            send = self._threads["send"].submit
+            if self._motion.moves:
+                self._sending = send(_send, self._connection, due)
+            else:
+                self._sending = send(self._hold, self._connection, due, self._stops)
         return True
 
     @property
@@ -256,14 +283,22 @@ class Operator:
         self.page, self._release_s = None, 0.0
         self._motion.begin(time.monotonic())
 
-    def _hold(self, robot: Connection, due: Mapping[str, list[float]]) -> None:
-        """In a thread: send until the controller has got it, a newer target waits, or a stop."""
-        until, stops = time.monotonic() + HOLD_S, self._stops
-        while time.monotonic() < until and self._stops == stops:
+    def _hold(self, robot: Connection, due: Mapping[str, list[float]], stops: int) -> int:
+        """In a thread: send until the controller has it, a newer target waits, or a stop.
+
+        Returns:
+            the number of the last message; `UNCONFIRMED` where the controller did not get it.
+        """
+        until = time.monotonic() + HOLD_S
+        while time.monotonic() < until:
+            if self._stops != stops:
+                return 0
             number = _send(robot, due)
             time.sleep(AGAIN_S)
-            if self._motion.waits or robot.counts()["newest"] >= number:
-                return
+            with suppress(Hoap3Error):  # a question may be lost, too
+                if self._motion.waits or robot.counts()["newest"] >= number:
+                    return number
+        return UNCONFIRMED
 
     def _let_go(self) -> None:
         """In a thread: release, unless a page has begun to steer meanwhile."""
