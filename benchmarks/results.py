@@ -133,10 +133,11 @@ def render_page(folder: Path, names: Collection[str]) -> tuple[str, list[str]]:
                 raise Hoap3Error(notes[-1] if notes else "no JSON on standard output")
             parts += [render_table(ran, table) for table in COMMANDS[name]["tables"]]
             parts += [f"`{key}`: {_text(found[key])}." for key in BELOW if found.get(key)]
-        except Hoap3Error as error:
+        except (Hoap3Error, KeyError, TypeError) as error:  # the others are shown all the same
             failed.append(name)
             told = f"`{ran['command']}` failed, exit code {ran['exit_code']}"
-            parts.append(f"## {name}\n\n{told}:\n\n```text\n{error}\n```")
+            why = str(error) if isinstance(error, Hoap3Error) else f"its JSON lacks {error}"
+            parts.append(f"## {name}\n\n{told}:\n\n```text\n{why}\n```")
     return "\n\n".join(parts) + "\n", failed
 
 
