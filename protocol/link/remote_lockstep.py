@@ -16,6 +16,7 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 
 REPEAT_S = 0.05
+LAST_S = 0.2  # that an answer on its way has when the robot is told to stop
 GIVE_UP_S = 10.0
 WAITING = 64  # requests; of more only what ends the waiting is taken
 Address = tuple[int, int, int]  # session, tick, epoch
@@ -118,22 +119,25 @@ class RemoteLockstepLink(LockstepLink):
             self._awake = False
         if mode != State.ACTIVE:
             return None
+        asked = session_id, tick, epoch
         began = repeated = time.monotonic()
         while not self._should_stop():
             inner.arrival.wait(REPEAT_S)
             inner.arrival.clear()
-            if self._receive((session_id, tick, epoch)):
+            if self._receive(asked):
                 return None  # it is in flight
             self._gather()
             if any(self._leaves(request) for request in self._waiting):
-                self._receive((session_id, tick, epoch))  # what it sent just before it left
-                return None
+                break
             now = time.monotonic()
             if now - began > GIVE_UP_S:
                 raise LinkError(f"lockstep: no answer to tick {tick} for {GIVE_UP_S:.0f} s")
             if now - repeated >= REPEAT_S:
                 inner.publish(payload)
                 repeated = now
+        else:
+            inner.arrival.wait(LAST_S)
+        self._receive(asked)  # sent just before its sender left, or the robot was told to stop
         return None
 
     def _receive(self, asked: Address | None = None) -> bool:

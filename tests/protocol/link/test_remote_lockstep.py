@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -120,17 +119,24 @@ def test_what_is_no_answer_to_this_tick_does_not_end_the_waiting(bench, network)
     assert found == [*others, setpoint(7)]
 
 
-def test_an_answer_that_its_sender_leaves_behind_arrives_at_its_tick():
-    """The answer and the release come after the link looked for answers, before requests."""
+@pytest.mark.parametrize("stopped", [True, False])
+def test_an_answer_just_before_a_release_or_a_stop_arrives_at_its_tick(stopped):
+    """The answer comes after the link looked for answers."""
 
     class Inner:
-        arrival = threading.Event()
-
         def __init__(self) -> None:
             self.answers: list[tuple[int, bytes]] = []
+            self.arrival = self
 
         def publish(self, payload: bytes) -> None:
-            self.arrival.set()
+            pass
+
+        def wait(self, timeout: float) -> None:
+            if stopped:
+                self.answers.append((0, setpoint(7)))
+
+        def clear(self) -> None:
+            pass
 
         def requests(self) -> Iterator[Request]:
             self.answers.append((0, setpoint(7)))
@@ -141,7 +147,7 @@ def test_an_answer_that_its_sender_leaves_behind_arrives_at_its_tick():
             return found
 
     clock = VirtualClock()
-    robot = RemoteLockstepLink(Inner(), clock, COMPUTE_TIME, lambda: False)
+    robot = RemoteLockstepLink(Inner(), clock, COMPUTE_TIME, lambda: stopped)
     robot._holder = "test"
     robot.publish(state(7))
     clock.advance(1_000_000)
