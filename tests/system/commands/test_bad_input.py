@@ -152,6 +152,7 @@ def test_a_config_of_another_robot_says_so(tmp_path):
     refusal(done, "'hoap3'", "'r_soul'")
 
 
+@pytest.mark.slow
 def test_a_controller_made_for_another_robot(tmp_path):
     written(
         tmp_path,

@@ -190,6 +190,7 @@ def test_a_package_beside_a_config_is_no_installed_one(tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.slow
 def test_a_log_runs_no_code_by_what_its_parameters_name(tmp_path, monkeypatch):
     inside("run", "--lockstep", "--duration", 0.1, "--controller", "stable_qp", "--out", "log")
     Path("code_of_mine.py").write_text(CODE, encoding="utf-8")

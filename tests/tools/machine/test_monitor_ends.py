@@ -95,6 +95,7 @@ def test_one_that_runs_ends_in_order(cpu: FakeCpu) -> None:
     cpu.assert_nothing_left()
 
 
+@pytest.mark.slow
 def test_one_that_hangs_is_killed_and_its_cpu_may_sleep(cpu: FakeCpu) -> None:
     monitor = running(cpu)
     os.kill(monitor._processes[0].pid, signal.SIGSTOP)

@@ -143,6 +143,7 @@ def test_a_link_called_world_is_not_the_frame_of_a_panel(tmp_path):
         check_frame(clicked, robot)
 
 
+@pytest.mark.slow
 def test_settings_by_joint_take_any_name(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(chain(["a.b", "c"], ["base", "a", "b"]))

@@ -213,6 +213,7 @@ def test_other_addresses_are_seen(host: str) -> None:
     assert not is_loopback(host)
 
 
+@pytest.mark.slow
 def test_the_end_of_a_certificate_is_told_where_there_is_one(
     ring: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -78,6 +78,7 @@ def test_a_robot_that_all_but_rests_at_its_target_is_no_false_alarm(controller, 
         assert verify(run).claims.by_tick() == []
 
 
+@pytest.mark.slow
 def test_late_and_lost_answers_are_counted_as_the_robot_did(tmp_path):
     slow = "emulator.lockstep.compute_time_us=1500", "emulator.misses_to_stop=60"
     run = ran(tmp_path / "run", sets=slow, seconds=0.05)

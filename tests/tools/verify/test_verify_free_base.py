@@ -86,6 +86,7 @@ def lifted(records: list[Record]) -> list[Record]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_is_certified_on_a_sole_that_carries_nothing(story, tmp_path):
     found = verify(rewrite(story("ghc"), "controller", tmp_path, lifted))
 

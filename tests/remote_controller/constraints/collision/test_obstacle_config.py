@@ -14,6 +14,7 @@ from hoap3.tools.services.simulate import simulate
 SECONDS, EVERY = 3.5, 50
 
 
+@pytest.mark.slow
 def test_on_the_way_round_the_ball_no_watched_pair_is_nearer_than_the_clearance():
     content = read_config("obstacle")[0]
     (given,) = (

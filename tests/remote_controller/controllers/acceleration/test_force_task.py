@@ -103,6 +103,7 @@ def test_a_controller_that_begins_anew_has_forgotten_what_it_felt():
     np.testing.assert_array_equal(first(0.0), fresh)
 
 
+@pytest.mark.slow
 def test_a_hand_that_is_taken_out_and_put_in_again_comes_down_as_gently_as_at_first():
     out = {"at_s": 1.5, "remove": "hand", "over_s": 0.2}
     back = {"at_s": 2.2, "insert": "hand", "over_s": 0.2}

@@ -31,6 +31,7 @@ MOVING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", MOVING)
 def test_behind_a_target_that_moves_outside_it_slides_along_the_edge(task):
     found = run(

@@ -160,6 +160,7 @@ def test_a_joint_whose_reference_rests_beyond_its_range_may_stay_there_but_not_g
     assert (robot.follow(controller.command.values, 0) < 0) == (expected == "certified")
 
 
+@pytest.mark.slow
 def test_what_is_certified_the_robot_takes_over_bit_by_bit():
     """Random velocities about all limits: the robot's own filter is the judge."""
     rng = np.random.default_rng(11)

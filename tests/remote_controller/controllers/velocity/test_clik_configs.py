@@ -38,6 +38,7 @@ def three_tasks(name: str, weighted: bool, seconds: float, **parameters: int):
     return simulate(ROBOTS[name], content, seconds)
 
 
+@pytest.mark.slow
 @THREE_TASKS
 def test_with_its_weights_v_is_proved_to_fall_ten_times_as_fast(name):
     with_weights, without = (three_tasks(name, *each) for each in ((True, 3.0), (False, 0.6)))
@@ -119,6 +120,7 @@ def moving(name: str, robot: str = ""):
     return run, np.array([present[tick] for tick in run.setpoints["tick"]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["clik_sdp_writing", *ROBOTS])
 def test_along_a_path_the_cycles_within_bounds_and_budget_are_certified(name):
     run, present = moving(name)
