@@ -21,6 +21,8 @@ from hoap3.tools.logs.motion_files import reopened
 from hoap3.tools.logs.repair import repair
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 Change = Callable[[bytes], bytes]
 
 

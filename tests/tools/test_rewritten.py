@@ -14,6 +14,8 @@ from hoap3.tools.analysis.report.content import read_content
 from hoap3.tools.bench.latency.latency import analyse_log
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 FAST = {"lz4", "shuffled"}
 SIDES = ("robot", "controller")
 

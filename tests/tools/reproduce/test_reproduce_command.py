@@ -16,6 +16,8 @@ from hoap3.tools.reproduce import papers
 from hoap3.tools.reproduce.remake import papers as known_papers
 from hoap3.tools.reproduce.rows import MEASURED, REPRODUCED
 
+pytestmark = pytest.mark.slow
+
 TINY = """
 import numpy as np
 
@@ -95,7 +97,6 @@ def test_people_see_rows_and_reasons_on_standard_output(shelve, tmp_path):
     assert done.stderr == ""  # it took less than two seconds
 
 
-@pytest.mark.slow
 def test_no_earlier_reproduction_is_replaced(shelve, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shelve("tiny_again", 2.0)

@@ -15,6 +15,8 @@ from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Record
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 N, BASE = 21, 6
 PAIRS = {
     "tsid": ("hoap3_standing_torque", "tsid_standing"),
@@ -38,7 +40,6 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return get
 
 
-@pytest.mark.slow
 @every_pair
 def test_a_true_log_has_nothing_false(name, story):
     found = verify(story(name))
@@ -63,7 +64,6 @@ CHANGES: dict[str, Change] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", PAIRS)
 def test_what_is_changed_is_found(name, story, tmp_path):
     for kind, change in CHANGES.items():
@@ -86,7 +86,6 @@ def lifted(records: list[Record]) -> list[Record]:
     return found
 
 
-@pytest.mark.slow
 def test_nothing_is_certified_on_a_sole_that_carries_nothing(story, tmp_path):
     found = verify(rewrite(story("ghc"), "controller", tmp_path, lifted))
 

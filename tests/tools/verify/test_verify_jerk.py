@@ -11,6 +11,8 @@ from tampering import assert_no_false_alarm, changed_field, changed_limit, ran, 
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Path:

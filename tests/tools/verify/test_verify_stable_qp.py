@@ -33,6 +33,8 @@ from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
 from hoap3.tools.verify.tasks.changes import OF_CHANGES
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 PARAMETERS = "controller.parameters."
 
 
@@ -102,20 +104,17 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run_of(folder / "run", controller=str(folder / "bounded.yaml"))
 
 
-@pytest.mark.slow
 def test_the_logs_of_bounded_qp12_are_true(story, tmp_path):
     assert_no_false_alarm(story)
     assert_no_false_alarm(run_of(tmp_path / "run", controller="qp12_bounded", s=1.0))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_true_log_is_true(case, tmp_path):
     found = assert_no_false_alarm(run_of(tmp_path / "run", *CASES[case]))
     assert found.claims.counts["residual"].checked == 200
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "changed"),
     [
@@ -231,7 +230,6 @@ def near_zero(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array([40.0 - q @ q]), -2.0 * q[None]
 
 
-@pytest.mark.slow
 def test_a_constraint_that_is_not_recomputed_is_counted_by_name(tmp_path):
     mine = kept(user_function={"function": f"{__name__}:near_zero"})
 
@@ -252,7 +250,6 @@ def test_records_that_were_dropped_are_no_false_alarm(story, tmp_path):
     assert_no_false_alarm(rewrite(story, "controller", tmp_path / "o", dropped), "not verified")
 
 
-@pytest.mark.slow
 def test_answers_to_a_robot_with_a_delay_are_judged_as_far_as_can_be(tmp_path):
     run = ran(tmp_path / "run", "--controller", "stable_qp", sets=["emulator.delay_ticks=2"])
 

@@ -15,6 +15,8 @@ from hoap3.tools.logs.log import Log
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.run import run_lockstep
 
+pytestmark = pytest.mark.slow
+
 STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
 
 
@@ -44,7 +46,6 @@ def weak(tmp_path_factory):
     return folder, summary
 
 
-@pytest.mark.slow
 def test_efforts_that_were_too_small_stand_at_the_head_and_in_the_figures(weak):
     content = read_content(weak[0])
     count = weak[1]["torque_limited"]
