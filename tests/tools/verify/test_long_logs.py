@@ -18,6 +18,8 @@ from hoap3.tools.logs import disk_rows
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.verify import verify
 
+pytestmark = pytest.mark.slow
+
 RUNS = {
     "qp12": ("--robot", "hoap3", "--controller", "qp12"),
     "pinv": ("--robot", "hoap3", "--controller", "pinv"),
@@ -80,7 +82,6 @@ def messages(path: Path) -> int:
     return sum(rows.nbytes for log in logs for rows in (log.states(), log.setpoints()))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("what", [verify, read_content])
 def test_much_less_is_held_than_the_logs_have(what, tmp_path, monkeypatch):
     monkeypatch.setattr(disk_rows, "PART", 1000)

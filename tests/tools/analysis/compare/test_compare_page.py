@@ -13,6 +13,8 @@ from hoap3.tools.analysis.compare.comparison import compare
 from hoap3.tools.analysis.compare.page import ROLES, SECTIONS, drawings, page
 from hoap3.tools.analysis.document import POLICY
 
+pytestmark = pytest.mark.slow
+
 PLOTS = ["error", "v", "active", "switching", "control_effort", "certificates"]
 EVIL = "</pre><script>alert(1)</script><img src=x onerror='a()'>\" onload=\"b()"
 
@@ -71,7 +73,6 @@ def test_findings_stand_at_the_head(made, shown):
     assert not quiet.root.all("div", "gaps")
 
 
-@pytest.mark.slow
 def test_bars_say_where_a_certificate_is_missing(made):
     def certificates(series):
         changed = dataclasses.replace(made, series=[series, *made.series[1:]])
@@ -100,7 +101,6 @@ def test_labels_and_settings_stay_texts(made):
         assert not any(name.startswith("on") for name in found.attributes)
 
 
-@pytest.mark.slow
 def test_more_controllers_than_colours_are_told_apart_by_dashes(made):
     n = len(ROLES) + 2
     many = dataclasses.replace(
