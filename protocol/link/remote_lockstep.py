@@ -16,7 +16,7 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 
 REPEAT_S = 0.05
-LAST_S = 0.2  # that an answer on its way has when the robot is told to stop
+LAST_S = 0.2  # how long to wait for an answer in transit after a stop request
 GIVE_UP_S = 10.0
 WAITING = 64  # requests; of more only what ends the waiting is taken
 Address = tuple[int, int, int]  # session, tick, epoch
@@ -137,7 +137,7 @@ class RemoteLockstepLink(LockstepLink):
                 repeated = now
         else:
             inner.arrival.wait(LAST_S)
-        self._receive(asked)  # sent just before its sender left, or the robot was told to stop
+        self._receive(asked)  # sent just before the controller left or a stop was requested
         return None
 
     def _receive(self, asked: Address | None = None) -> bool:

@@ -55,11 +55,13 @@ def _show_answer(answer: dict[str, Any], connect: str | None, *, place: bool) ->
     if answer["mode"] == "starting":
         print_line(f"{name} {NOT_STARTED}")
         return
-    words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
+    holder = answer["holder"]
+    who = f"follows {one_line(holder)}" if holder else "no controller"
+    words = f"{name}: {answer['mode']}, {who}"
     if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
         words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
     elif answer["mode"] == "idle" and not answer["holder"]:
-        words += "; start a controller to move it"
+        words += "; start one to move it"
     print_line(words)
     if place:
         print_line(f"  at {place_of(answer)}")

@@ -47,12 +47,12 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
         assert path.name == f"robot-arm-{robot.process.pid}.sock"
         session = tell("status", at, "arm")["session_id"]
         where = f"  at {at}, process {robot.process.pid}, session {session}\n"
-        idle = "arm: idle, follows nobody; start a controller to move it\n"
+        idle = "arm: idle, no controller; start one to move it\n"
         assert inside("status").stdout == f"{idle}{where}"
         assert inside("status", "arm", "--json").json().keys() == tell("status", at, "arm").keys()
         assert inside("stop", "--json").json()["mode"] == "stopped"
         stopped = inside("status", "--connect", at).stdout
-        assert stopped.startswith("arm: stopped, follows nobody; ")
+        assert stopped.startswith("arm: stopped, no controller; ")
         assert "hoap3 recover arm" in stopped
         told = inside("status", "--json").json()
         assert (told["robot"], told["stop_reason"]) == ("arm", "command")

@@ -117,7 +117,7 @@ class Operator:
         raise UsageError(f"no verb is called {verb!r:.40}")
 
     def move(self, page: object, do: Mapping[str, Any]) -> bool:
-        """Do what needs no question: `target`, `place`, `velocity` or `drop`; else return False.
+        """Handle `target`, `place`, `velocity` and `drop`; return False for other verbs.
 
         Raises:
             UsageError: it is refused; says why.
@@ -163,7 +163,7 @@ class Operator:
         """Send what is still to be held, steer no longer, and leave the network."""
         until = time.monotonic() + 2.0 * HOLD_S
         while (self._is_sending or self._motion.waits) and time.monotonic() < until:
-            with suppress(Exception):  # pages are gone: there is nobody to tell
+            with suppress(Exception):  # no page is connected to receive the error
                 self._flush()
             time.sleep(TICK_S)
         if self.page is not None:
@@ -295,7 +295,7 @@ class Operator:
                 return 0
             number = _send(robot, due)
             time.sleep(AGAIN_S)
-            with suppress(Hoap3Error):  # a question may be lost, too
+            with suppress(Hoap3Error):  # a query may be lost, too
                 if self._motion.waits or robot.counts()["newest"] >= number:
                     return number
         return UNCONFIRMED
