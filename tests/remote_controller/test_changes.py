@@ -31,10 +31,10 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.simulate import simulate
 from hoap3.tools.testing.controller_case import controller_case
+from hoap3.tools.verify.changes import with_numbers
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
-from hoap3.tools.verify.tasks.changes import with_numbers
 
 SOME = ("qp12",)
 EACH = [law if law in SOME else pytest.param(law, marks=pytest.mark.slow) for law in LAWS]

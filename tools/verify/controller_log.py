@@ -20,8 +20,8 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages, Taken
 from hoap3.tools.logs.disk_rows import DiskRows, RowsAt, parts
-from hoap3.tools.verify.tasks.live import Messages, Taken
 
 Rows = NDArray[Any]
 EVENTS = Event.schema.constants

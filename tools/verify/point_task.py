@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import COM, RobotDescription
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.robot import Robot
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 
 Array = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from support.command_bench import (
 
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.tools.logs.log import Log
-from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.verify import verify
 
 HERE = Path(__file__).parent

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import parse, parse_yaml
-from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.messages import Setpoint, State, Target
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.runtime.shm_ring import Record
 from hoap3.remote_controller.loop import ControllerLoop
+from hoap3.remote_controller.references.live.live import collected
 from hoap3.remote_controller.registry import find
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.verify.controller_log import ControllerRun, runs
@@ -36,12 +38,44 @@ def driven(
     pauses: tuple[int, ...] = (),
     **parameters: object,
 ) -> tuple[ControllerRun, dict[str, Any]]:
+    """The run of `recorded`, and the controller's parameters."""
+    records, given = recorded(
+        config,
+        robot,
+        ticks,
+        posture=posture,
+        changes=changes,
+        seed=seed,
+        lost=lost,
+        unseen=unseen,
+        noise=noise,
+        pauses=pauses,
+        **parameters,
+    )
+    return next(iter(runs(records))), given
+
+
+def recorded(
+    config: str,
+    robot: str,
+    ticks: int,
+    *,
+    posture: str | None = None,
+    changes: Mapping[int, Mapping[str, Any]] | None = None,
+    targets: Mapping[int, bytes] | None = None,
+    seed: int = 0,
+    lost: float = 0.0,
+    unseen: float = 0.0,
+    noise: float = 0.0,
+    pauses: tuple[int, ...] = (),
+    **parameters: object,
+) -> tuple[list[Record], dict[str, Any]]:
     """What the controller of a shipped config answers to a made-up robot; and its parameters.
 
     Args:
         config, robot, posture: which, and where it starts.
         ticks: how many States.
-        changes: requests, by the tick before which they come.
+        changes, targets: requests, and messages of live targets, by the tick before they come.
         seed, lost, unseen, noise: of answers and of States, shares; and of what is measured [rad].
         pauses: ticks at which the robot follows nobody.
         parameters: in place of those of the config.
@@ -51,7 +85,9 @@ def driven(
     given = {**content["parameters"], **parameters}
     known = find(content["controller"])
     parsed = parse(known.Parameters, given, config, "parameters")
-    controller = known.configured(description, parsed, config)
+    with collected() as live:
+        controller = known.configured(description, parsed, config)
+    controller.live = tuple(live)
     clock, recorder = VirtualClock(1_000), MemoryRecorder()
     loop = ControllerLoop(controller, clock, recorder, SESSION)
     loop.begin(description, lockstep=True)
@@ -68,6 +104,12 @@ def driven(
         state.dq[:] = noise * random.normal(size=description.n)
         if tick in (changes or {}):
             loop.change(json.dumps(changes[tick]).encode())
+        if tick in (targets or {}):
+            target = Target.like(targets[tick])
+            target.load(targets[tick])
+            target.session_id = SESSION
+            target.epoch = loop.steering.acquire("test", 1, loop.last_tick)["epoch"]
+            loop.steer("test", target.dump())
         if random.random() < unseen:
             continue
         payload = loop.answer(clock.now(), state.dump())
@@ -75,4 +117,4 @@ def driven(
         if payload is not None and random.random() >= lost:
             answer.load(payload)
             reference = answer.values.copy()
-    return next(iter(runs(recorder.records))), given
+    return list(recorder.records), given

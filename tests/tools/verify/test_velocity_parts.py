@@ -12,22 +12,22 @@ from driven import driven
 
 from hoap3.protocol.config.settings import parse
 from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds as kernel
+from hoap3.remote_controller.problems.oracles.parameters import NOT_READ
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling import priorities as scheduling
 from hoap3.remote_controller.scheduling.priorities import PrioritySettings, top_level
 from hoap3.remote_controller.solvers.clik.clik_reference import prioritised
 from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
 from hoap3.remote_controller.solvers.sdp.sdp_reference import optimum
+from hoap3.tools.verify.changes import OF_CHANGES
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.constraints.parameters import NOT_READ
 from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
 from hoap3.tools.verify.controllers.velocity import clik, ghc_velocity, joint_bounds, settings
 from hoap3.tools.verify.controllers.velocity.clik_law import certified_rates, law_of
 from hoap3.tools.verify.controllers.velocity.gain_optimum import Gains
 from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers
-from hoap3.tools.verify.tasks.changes import OF_CHANGES
 
 SIZES, WEIGHTS = [3, 2], np.array([4.0, 4.0, 4.0, 1.0, 1.0])
 ROWS = [slice(0, 3), slice(3, 5)]

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hoap3.remote_controller.constraints.collision.distance_reference import closest, corners
-from hoap3.tools.verify.constraints import segments
-from hoap3.tools.verify.constraints.contacts import Scene
+from hoap3.remote_controller.problems.oracles.constraints import segments_oracle as segments
+from hoap3.remote_controller.problems.oracles.constraints.contacts_oracle import Scene
 
 SPREAD = 5e-4
 

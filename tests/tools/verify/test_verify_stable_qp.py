@@ -25,12 +25,12 @@ from tampering import (
     rewrite,
 )
 
-from hoap3.tools.verify.constraints.parameters import complete
-from hoap3.tools.verify.controllers.stable_qp import settings
+from hoap3.remote_controller.problems import stable_qp_settings as settings
+from hoap3.remote_controller.problems.oracles.parameters import complete
+from hoap3.tools.verify.changes import OF_CHANGES
 from hoap3.tools.verify.controllers.stable_qp.judge import most_by_bounds
 from hoap3.tools.verify.controllers.stable_qp.largest import KEPT, missing
 from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
-from hoap3.tools.verify.tasks.changes import OF_CHANGES
 from hoap3.tools.verify.verify import verify
 
 pytestmark = pytest.mark.slow
@@ -112,7 +112,7 @@ def test_the_logs_of_bounded_qp12_are_true(story, tmp_path):
 @pytest.mark.parametrize("case", CASES)
 def test_a_true_log_is_true(case, tmp_path):
     found = assert_no_false_alarm(run_of(tmp_path / "run", *CASES[case]))
-    assert found.claims.counts["residual"].checked == 200
+    assert found.claims.counts["optimum"].checked == 200
 
 
 @pytest.mark.parametrize(
@@ -174,9 +174,9 @@ def test_each_kind_of_change_is_found_at_a_hundred_places(controller, kind, tmp_
     ("before", "after", "claim"),
     [
         ("beta: 46.0", "beta: 46.0001", "required V rate"),
-        ("gamma: 0.5", "gamma: 0.01", "residual"),
+        ("gamma: 0.5", "gamma: 0.01", "optimum"),
         ("limit_rad_s: 0.6", "limit_rad_s: 0.0200001", "certified: rows and bounds"),
-        ("constraint: joint_position", "constraint: viability", "residual"),
+        ("constraint: joint_position", "constraint: viability", "rows"),
         ("0.2869", "0.28690001", "V"),
     ],
 )
@@ -260,10 +260,10 @@ def test_answers_to_a_robot_with_a_delay_are_judged_as_far_as_can_be(tmp_path):
 def test_defaults_are_those_of_the_controller():
     from hoap3.remote_controller.constraints.registry import find as find_constraint
     from hoap3.remote_controller.controllers.lyapunov_qp import settings as product
+    from hoap3.remote_controller.problems.oracles.constraints.stack_oracle import KINDS
+    from hoap3.remote_controller.problems.oracles.tasks import curve_oracle as curve
     from hoap3.remote_controller.tasks.curve_following.curve import JointEllipse, SpaceEllipse
     from hoap3.remote_controller.tasks.curve_following.curve_following import JointCurve, TaskCurve
-    from hoap3.tools.verify.constraints.stack import KINDS
-    from hoap3.tools.verify.controllers.stable_qp import curve
 
     tables: list[tuple[Mapping[str, Any], Any]] = [
         (settings.DEFAULTS, product.Parameters),

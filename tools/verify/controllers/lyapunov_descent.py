@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import descent_rate
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.point_task import PointTask
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity

@@ -10,17 +10,21 @@ import pytest
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.model_reference import cross_matrix
-from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
-from hoap3.remote_controller.tasks.registry import TaskSettings, build
-from hoap3.robot_emulator.robots import load
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.config import UnverifiableError, default_entry, task_of
-from hoap3.tools.verify.tasks.logarithm import (
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.config_oracle import (
+    UnverifiableError,
+    default_entry,
+    task_of,
+)
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
     angular_velocity,
     pose_logarithm,
     rotation_of,
     rotation_vector,
 )
+from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
+from hoap3.remote_controller.tasks.registry import TaskSettings, build
+from hoap3.robot_emulator.robots import load
 
 T = 1e-3
 EIGHT = {

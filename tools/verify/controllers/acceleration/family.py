@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.constraints.parameters import (
+from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
     UnverifiableError,
     complete,
     reason_of,
 )
+from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import NOT_REMEMBERED, check_refused
 from hoap3.tools.verify.controllers.acceleration.certificate import (

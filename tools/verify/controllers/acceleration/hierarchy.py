@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.oracles.robot_oracle import RigidBody, Robot
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.model.bounds import Bounds
 from hoap3.tools.verify.controllers.acceleration.model.press import Press
@@ -24,8 +26,6 @@ from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     stacked,
     wanted_of,
 )
-from hoap3.tools.verify.robot import RigidBody, Robot
-from hoap3.tools.verify.tasks.live import Messages
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.protocol.robot.description import RobotDescription
-from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.constraints.parameters import (
+from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
     UnverifiableError,
     complete,
     is_number,
     reason_of,
 )
+from hoap3.remote_controller.problems.oracles.tasks.config_oracle import posture_of
+from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import (
     ACTIVE,
@@ -35,7 +36,6 @@ from hoap3.tools.verify.controllers.acceleration.answers import (
 )
 from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
 from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.tasks.config import posture_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.constraints.cycles import Cycles
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.sent_velocity import sent_velocity
 

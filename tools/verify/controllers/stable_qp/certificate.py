@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
+from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controllers.stable_qp.answers import ANSWERED, PROVEN, Answers
 from hoap3.tools.verify.controllers.stable_qp.problem import PLACES, Cycle
-from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 
 Array = NDArray[np.float64]
 

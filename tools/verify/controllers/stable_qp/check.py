@@ -13,23 +13,23 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
+from hoap3.remote_controller.problems.oracles.constraints.stack_oracle import constraints_of
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, task_of
+from hoap3.remote_controller.problems.oracles.tasks.curve_oracle import CURVES, Curve
+from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.constraints.cycles import Cycles, cycles_of
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.constraints.stack import constraints_of
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.stable_qp.answers import Answers
 from hoap3.tools.verify.controllers.stable_qp.certificate import check_certificate
-from hoap3.tools.verify.controllers.stable_qp.curve import Curve
 from hoap3.tools.verify.controllers.stable_qp.problem import CHUNK, Cycle, Problems
 from hoap3.tools.verify.controllers.stable_qp.proof import check_proof
 from hoap3.tools.verify.controllers.stable_qp.scaled import Objective
-from hoap3.tools.verify.controllers.stable_qp.settings import Settings
-from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.cycles import cycles_of
 from hoap3.tools.verify.sent_velocity import check_values
-from hoap3.tools.verify.tasks.config import default_entry, task_of
 
-CURVES = "task_curve", "joint_curve"
 DELAYED = "answers are delayed: where u starts from is not in the log"
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.controllers.stable_qp import box, farkas, optimality
 from hoap3.tools.verify.controllers.stable_qp.largest import Missing, missing
 from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Scaled, Stacked
-from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 
 Array = NDArray[np.float64]
 

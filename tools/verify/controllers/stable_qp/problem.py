@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Bounds, Constraint
+from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.curve_oracle import Curve
+from hoap3.remote_controller.problems.oracles.tasks.task_oracle import AnyTask
+from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma, descent_rate
 from hoap3.tools.logs.disk_rows import RowsAt
-from hoap3.tools.verify.constraints.base import Bounds, Constraint
-from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.stable_qp.curve import Curve
-from hoap3.tools.verify.controllers.stable_qp.settings import Settings
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
 

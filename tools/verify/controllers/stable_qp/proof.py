@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controllers.stable_qp import farkas
 from hoap3.tools.verify.controllers.stable_qp.answers import (
@@ -22,7 +23,6 @@ from hoap3.tools.verify.controllers.stable_qp.judge import Judge
 from hoap3.tools.verify.controllers.stable_qp.largest import KEPT, SOLVED, Missing
 from hoap3.tools.verify.controllers.stable_qp.problem import Cycle
 from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Stacked
-from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 from hoap3.tools.verify.controllers.stable_qp.slower import with_speeds
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.solvers.clik.constant_gains_reference import constant_gains
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.clik_certificate import Certificate, Claimed

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from hoap3.protocol.messages import schema
+from hoap3.remote_controller.problems.oracles.parameters import NOT_READ, reason_of
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.constraints.parameters import NOT_READ, reason_of
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import stopping_speed
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
 
@@ -101,10 +102,3 @@ def _towards(wanted: Array, room: Array, wall: Array, limits: Array, T: float) -
     last = np.minimum(np.maximum(room, 0.0) / T, A * T)
     braking = np.maximum(last, stopping_speed(np.where(solid, left, 0.0), A, T))
     return np.where(free, wanted, np.minimum(wanted, braking))
-
-
-def stopping_speed(room: Array, A: Array, T: float) -> Array:
-    """The w that comes to rest within D, T(w + (w − AT) + …) = D, in the fewest steps."""
-    D = np.maximum(room, 0.0)
-    steps = np.maximum(1.0, np.ceil((np.sqrt(1.0 + 8.0 * D / (A * T * T)) - 1.0) / 2.0))
-    return np.where(D > 0.0, (D / T + 0.5 * A * T * steps * (steps - 1.0)) / steps, 0.0)

@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete, is_number
+from hoap3.remote_controller.problems.oracles.parameters import (
+    UnverifiableError,
+    complete,
+    is_number,
+)
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, task_of
+from hoap3.remote_controller.problems.oracles.tasks.task_oracle import AnyTask
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.config import default_entry, task_of
-from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
 

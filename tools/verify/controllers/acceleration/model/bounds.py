@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 

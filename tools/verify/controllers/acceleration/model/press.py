@@ -12,8 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import live_wrench_of
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
+    rotation_of,
+    rotation_vector,
+)
 from hoap3.remote_controller.tasks.accelerations import wrench_reference as reference
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     ROUNDING,
     Place,
@@ -23,9 +29,6 @@ from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     root_pose,
     stacked,
 )
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.live import live_wrench_of
-from hoap3.tools.verify.tasks.logarithm import rotation_of, rotation_vector
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]

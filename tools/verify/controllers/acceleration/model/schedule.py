@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

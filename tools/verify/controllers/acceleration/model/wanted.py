@@ -15,14 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, is_number
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.config import is_live, place_of, posture_of, task_of
-from hoap3.tools.verify.tasks.live import live_of
-from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
-from hoap3.tools.verify.tasks.targets import Target
-from hoap3.tools.verify.tasks.tasks import AnyTask
-from hoap3.tools.verify.tasks.trajectories import TRAJECTORY
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, is_number
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.config_oracle import (
+    is_live,
+    place_of,
+    posture_of,
+    task_of,
+)
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import live_of
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
+    pose_logarithm,
+    rotation_of,
+)
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
+from hoap3.remote_controller.problems.oracles.tasks.task_oracle import AnyTask
+from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import TRAJECTORY
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hoap3.tools.verify.tasks.logarithm import (
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
     angular_velocity,
     inverse_left,
     rotation_of,

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.spatial.transform import Rotation
 
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.tasks.logarithm import nearer
-from hoap3.tools.verify.tasks.targets import Target
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import nearer
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
 
 Array = NDArray[np.float64]
 TRAJECTORY = "trajectory"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.constraints import segments
+from hoap3.remote_controller.problems.oracles.constraints import segments_oracle as segments
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]

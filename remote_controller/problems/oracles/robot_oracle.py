@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
-from hoap3.tools.verify.tasks.live import Messages
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints import limit_reference
-from hoap3.tools.verify.constraints.base import Constraint, Rows
-from hoap3.tools.verify.constraints.bodies import (
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems.oracles.constraints.bodies_oracle import (
     Pair,
     far_apart,
     joints_between,
@@ -22,7 +22,12 @@ from hoap3.tools.verify.constraints.bodies import (
     obstacle_of,
     shapes,
 )
-from hoap3.tools.verify.constraints.contacts import ALONE, Points, Scene, Segments
+from hoap3.remote_controller.problems.oracles.constraints.contacts_oracle import (
+    ALONE,
+    Points,
+    Scene,
+    Segments,
+)
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import COM
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.logarithm import (
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
     angular_velocity,
     inverse_left,
     nearer,
@@ -20,8 +20,8 @@ from hoap3.tools.verify.tasks.logarithm import (
     rotation_vector,
     skew,
 )
-from hoap3.tools.verify.tasks.targets import Target
-from hoap3.tools.verify.tasks.tolerances import Tolerances
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
+from hoap3.remote_controller.problems.oracles.tasks.tolerances_oracle import Tolerances
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -84,6 +84,15 @@ class Task(ABC):
         self.target.start(self.present(robot, aim), time_s)
         if self.tolerances is not None:
             self.tolerances.open = True
+
+    def inherit(self, other: object) -> None:
+        """Keep what a task remembers whose parameters are changed, after `begin`."""
+        if not isinstance(other, Task):
+            return
+        if self.tolerances is not None and other.tolerances is not None:
+            self.tolerances.open = other.tolerances.open
+        if other.target.stays is not None:
+            self.target.stay(other.target.stays)
 
     @property
     def watched(self) -> bool:
@@ -311,6 +320,12 @@ class SumTask:
         """Watch all terms."""
         for term in self._terms:
             term.watch(robot, time_s)
+
+    def inherit(self, other: object) -> None:
+        """Keep what the terms remember."""
+        if isinstance(other, SumTask):
+            for term, old in zip(self._terms, other._terms, strict=True):
+                term.inherit(old)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """All targets set out."""

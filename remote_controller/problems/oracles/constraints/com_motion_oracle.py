@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.constraints.barrier import Area
-from hoap3.tools.verify.constraints.base import Constraint, Rows
-from hoap3.tools.verify.constraints.joints import SOURCES
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.constraints.barrier_oracle import Area
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import SOURCES
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 
@@ -34,10 +34,16 @@ class ComMotion(Constraint):
     frame: str
 
     has_rows: ClassVar[bool] = True
+    has_memory: ClassVar[bool] = True
 
     def begin(self, state: Any) -> None:
         """Nothing is known of a period before."""
         self._before: tuple[int, Array, Array, Array, Array] | None = None
+
+    def inherit(self, other: Constraint) -> None:
+        """Keep the motion of the period before."""
+        if isinstance(other, ComMotion):
+            self._before = other._before
 
     def rows(self, state: Any, number: int) -> Rows:
         """Rows for the next period, and the margin of the last one."""

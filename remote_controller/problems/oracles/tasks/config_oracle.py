@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.protocol.robot.description import COM, RobotDescription
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.live import (
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import (
     live_of,
     live_orientation_of,
     live_pose_of,
     live_posture_of,
 )
-from hoap3.tools.verify.tasks.logarithm import nearer, rotation_vector
-from hoap3.tools.verify.tasks.targets import (
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import nearer, rotation_vector
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import (
     Hold,
     Joined,
     Point,
     Target,
     target_of,
 )
-from hoap3.tools.verify.tasks.tasks import (
+from hoap3.remote_controller.problems.oracles.tasks.task_oracle import (
     AXES,
     AnyTask,
     PlaceTask,
@@ -35,8 +35,11 @@ from hoap3.tools.verify.tasks.tasks import (
     SumTask,
     Task,
 )
-from hoap3.tools.verify.tasks.tolerances import tolerances_of
-from hoap3.tools.verify.tasks.trajectories import TRAJECTORY, trajectory_of
+from hoap3.remote_controller.problems.oracles.tasks.tolerances_oracle import tolerances_of
+from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import (
+    TRAJECTORY,
+    trajectory_of,
+)
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import COM, RobotDescription
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete, numbers
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import PLANES, rise
+from hoap3.remote_controller.problems.oracles.tasks.task_oracle import Rows
 from hoap3.remote_controller.tasks.curve_following.curve_reference import tangent
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete, numbers
-from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.targets import PLANES, rise
-from hoap3.tools.verify.tasks.tasks import Rows
 
 Array = NDArray[np.float64]
 
+CURVES = "task_curve", "joint_curve"
 HELD, FREE = 1e-3, 0.1  # independence of the gradients: up to there no motion, from there all of it
 LEAST_COSINE = 0.5  # of the turn of T between two cycles
 MOTION: dict[str, Any] = {
@@ -106,6 +107,19 @@ class Curve:
         self.weights = np.broadcast_to(numbers(weights, size, "objective_weights"), (count,))
         self._last = np.zeros(count + 1)
         self.motion_row, self.speed = np.zeros(robot.description.n), 0.0
+
+    @property
+    def watched(self) -> bool:
+        """A curve has no tolerances."""
+        return False
+
+    def watch(self, robot: Robot, time_s: float) -> None:
+        """Nothing to watch."""
+
+    def inherit(self, other: object) -> None:
+        """Keep the tangent of the curve whose parameters are changed."""
+        if isinstance(other, Curve):
+            self._last = other._last
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """Forget the last tangent."""

@@ -5,19 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from hoap3.protocol.errors import FrameNotFoundError
-from hoap3.tools.verify.constraints.barrier import HalfSpace, SupportPolygon
-from hoap3.tools.verify.constraints.base import Constraint
-from hoap3.tools.verify.constraints.com_motion import FrictionCone, Zmp
-from hoap3.tools.verify.constraints.distance import Distance
-from hoap3.tools.verify.constraints.frames import FixedFrame, MinimumSpeed, Pfaffian
-from hoap3.tools.verify.constraints.joints import (
+from hoap3.remote_controller.problems.oracles.constraints.barrier_oracle import (
+    HalfSpace,
+    SupportPolygon,
+)
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint
+from hoap3.remote_controller.problems.oracles.constraints.com_motion_oracle import FrictionCone, Zmp
+from hoap3.remote_controller.problems.oracles.constraints.distance_oracle import Distance
+from hoap3.remote_controller.problems.oracles.constraints.frames_oracle import (
+    FixedFrame,
+    MinimumSpeed,
+    Pfaffian,
+)
+from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import (
     JointAcceleration,
     JointPosition,
     JointVelocity,
     Viability,
 )
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
-from hoap3.tools.verify.robot import Robot
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 
 KINDS: dict[str, type[Constraint]] = {
     "distance": Distance,

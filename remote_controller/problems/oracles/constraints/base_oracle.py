@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
-from hoap3.tools.logs.disk_rows import RowsAt
-from hoap3.tools.verify.constraints.cycles import Cycles
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.robot import Robot
+from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 
 Array = NDArray[np.float64]
-States = RowsAt  # of all cycles
+States = Any  # of all cycles: an array of `State` rows, or what indexes like one
 
 
 @dataclass(frozen=True)
@@ -71,6 +70,8 @@ class Constraint:
     equality: ClassVar[bool] = False
     yields: ClassVar[bool] = False
     has_rows: ClassVar[bool] = False
+    has_memory: ClassVar[bool] = False
+    """Whether its rows depend on cycles before."""
     limits_speed: ClassVar[bool] = False
 
     settings: Mapping[str, Any]
@@ -101,6 +102,9 @@ class Constraint:
 
     def begin(self, state: Any) -> None:
         """Forget everything; `robot` is placed where it is at this State."""
+
+    def inherit(self, other: Constraint) -> None:
+        """Keep what a constraint remembers whose parameters are changed, after `begin`."""
 
     def rows(self, state: Any, number: int) -> Rows:
         """Rows of a cycle; `robot` is placed.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 
@@ -27,16 +27,20 @@ class Target(ABC):
 
     Attributes:
         end_s: when a trajectory ends, since the start [s]; of others inf.
-        rounding: how many times as much as any other place it may be off by rounding.
     """
 
-    end_s, rounding = float("inf"), 1.0
+    end_s = float("inf")
 
     def __init__(self, dimension: int, approach_s: float = 0.0) -> None:
         self.dimension, self.approach_s = dimension, approach_s
         self._begin, self._origin = 0.0, np.zeros(dimension)
         self._known = False
         self._stays: Array | None = None
+
+    @property
+    def rounding(self) -> float:
+        """How many times as much as any other place it may be off by rounding."""
+        return 1.0
 
     def start(self, present: Array | None, time_s: float) -> None:
         """Set out at a time [s] from where the robot is, (m,); None where nobody knows."""
@@ -58,6 +62,11 @@ class Target(ABC):
     def elapsed(self, time_s: float) -> float:
         """Time since the start [s]."""
         return max(0.0, time_s - self._begin)
+
+    @property
+    def stays(self) -> Array | None:
+        """Where it stays, if it was told to."""
+        return self._stays
 
     def stay(self, place: Array) -> None:
         """From now on be there, (m,), until the next start."""

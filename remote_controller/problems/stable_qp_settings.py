@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete
 
 FORMS = ("inverse_sqrt_n", "one", "max_norm", "tanh", "exponential")
 DEFAULTS: dict[str, Any] = {

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints.frames.fixed_frame_reference import displacement, slope
-from hoap3.tools.verify.constraints.barrier import direction
-from hoap3.tools.verify.constraints.base import Constraint, Rows
-from hoap3.tools.verify.constraints.joints import SOURCES
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, numbers
+from hoap3.remote_controller.problems.oracles.constraints.barrier_oracle import direction
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import SOURCES
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, numbers
 
 Array = NDArray[np.float64]
 

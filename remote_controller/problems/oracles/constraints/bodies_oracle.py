@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hoap3.protocol.robot.description import RobotDescription
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete, numbers
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete, numbers
 
 Array = NDArray[np.float64]
 

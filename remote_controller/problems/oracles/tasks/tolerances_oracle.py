@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.tasks.targets import Target
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
 
 Array = NDArray[np.float64]
 INSTANT_S = 1e-9  # times are compared to it

@@ -9,7 +9,7 @@ their length.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +18,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.spatial.transform import Rotation
 
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.tasks.logarithm import inverse_left, rotation_of, rotation_vector
-from hoap3.tools.verify.tasks.targets import Target, rise
-from hoap3.tools.verify.tasks.turns import State, aligned, rates_of
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
+    inverse_left,
+    rotation_of,
+    rotation_vector,
+)
+from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target, rise
+from hoap3.remote_controller.problems.oracles.tasks.turns_oracle import State, aligned, rates_of
 
 Array = NDArray[np.float64]
 Curve = Callable[[float], State]
@@ -55,18 +59,25 @@ class Taken:
 
 
 class Messages:
-    """What a controller took for each of its live targets.
+    """What a controller took for each of its live targets; more may be added while it is read.
 
     Args:
-        taken: all of it.
+        taken: what is known already.
         names: of the targets, in their order.
     """
 
     def __init__(self, taken: Sequence[Taken] = (), names: Sequence[str] = ()) -> None:
-        self._taken, self._names = taken, list(names)
+        self._names = list(names)
+        self._taken: dict[int, list[Taken]] = {}
+        for each in taken:
+            self.add(each)
 
-    def of(self, given: Mapping[str, Any]) -> list[Taken]:
-        """Those of a target that a config describes.
+    def add(self, taken: Taken) -> None:
+        """Add a message, later than all before it."""
+        self._taken.setdefault(taken.target, []).append(taken)
+
+    def of(self, given: Mapping[str, Any]) -> Sequence[Taken]:
+        """Those of a target that a config describes, with all that are added later.
 
         Raises:
             UnverifiableError: the log has no such target.
@@ -74,7 +85,7 @@ class Messages:
         name = given.get("name", "target")
         if name not in self._names:
             raise UnverifiableError(f"the log has no live target {name!r:.40}")
-        return [each for each in self._taken if each.target == self._names.index(name)]
+        return self._taken.setdefault(self._names.index(name), [])
 
 
 def live_of(given: Mapping[str, Any], messages: Messages | None) -> LiveTarget:
@@ -110,7 +121,7 @@ def live_posture_of(given: Mapping[str, Any], messages: Messages | None, joints:
     return LiveTarget(given, _collected(given, messages), [POSTURE] * joints)
 
 
-def _collected(given: Mapping[str, Any], messages: Messages | None) -> list[Taken]:
+def _collected(given: Mapping[str, Any], messages: Messages | None) -> Sequence[Taken]:
     if messages is None:
         raise UnverifiableError("live targets of such a controller are not recomputed")
     return messages.of(given)
@@ -145,26 +156,29 @@ class LiveTarget(Target):
         stale = given.get("stale_after_s")
         returns = given.get("when_stale", "hold") == "return" and stale is not None
         self._returns_after = float(stale or 0.0) if returns else np.inf
-        self._messages = messages
-        self.rounding = float(max((len(each.points) for each in messages), default=1)) ** 2
+        self._messages, self._read, self._longest = messages, 0, 1
         self._home = self._point(np.zeros(self.dimension))
-        self._waiting: Iterator[Taken] = iter(())
-        self._next: Taken | None = None
         self._plans: list[tuple[float, Curve]] = []
+
+    @property
+    def rounding(self) -> float:
+        """As of every target: that of the longest chunk so far."""
+        return float(self._longest) ** 2
 
     def start(self, present: Array | None, time_s: float) -> None:
         """Stay where the robot is, and forget what was asked before."""
         super().start(present, time_s)
         self._home = self._point(np.zeros(self.dimension) if present is None else present)
-        self._waiting = (each for each in self._messages if each.now_s > time_s)
-        self._next = next(self._waiting, None)
+        self._read = sum(each.now_s <= time_s for each in self._messages)
         self._plans = [(-np.inf, _rest(self._home))]
 
     def at(self, time_s: float) -> tuple[Array, Array]:
         """x_d and dx_d/dt, both (d,), at a time [s], which never falls."""
-        while self._next is not None and self._next.now_s <= time_s:
-            self._follow(self._next)
-            self._next = next(self._waiting, None)
+        while self._read < len(self._messages) and self._messages[self._read].now_s <= time_s:
+            taken = self._messages[self._read]
+            self._longest = max(self._longest, len(taken.points))
+            self._follow(taken)
+            self._read += 1
         state = self._state(time_s)
         place, velocity = state.flat[0], state.flat[1]
         if not state.turns:

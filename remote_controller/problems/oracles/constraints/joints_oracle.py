@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints import limit_reference
-from hoap3.tools.verify.constraints.base import Bounds, Constraint, States
-from hoap3.tools.verify.constraints.cycles import Cycles
-from hoap3.tools.verify.constraints.parameters import UnverifiableError
-from hoap3.tools.verify.controllers.velocity.joint_bounds import stopping_speed
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
+    Bounds,
+    Constraint,
+    States,
+)
+from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 SOURCES = ("reference", "measured")
@@ -141,3 +144,10 @@ def _number(given: object) -> float:
     if not isinstance(given, int | float) or isinstance(given, bool):
         raise UnverifiableError(f"a limit is {given!r:.40}")
     return float(given)
+
+
+def stopping_speed(room: Array, A: Array, T: float) -> Array:
+    """The w that comes to rest within D, T(w + (w − AT) + …) = D, in the fewest steps."""
+    D = np.maximum(room, 0.0)
+    steps = np.maximum(1.0, np.ceil((np.sqrt(1.0 + 8.0 * D / (A * T * T)) - 1.0) / 2.0))
+    return np.where(D > 0.0, (D / T + 0.5 * A * T * steps * (steps - 1.0)) / steps, 0.0)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hoap3.remote_controller.constraints import limit_reference
-from hoap3.tools.verify.constraints.base import Constraint, Rows
-from hoap3.tools.verify.constraints.parameters import UnverifiableError, numbers
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, numbers
 
 Array = NDArray[np.float64]
 

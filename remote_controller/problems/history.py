@@ -1,0 +1,266 @@
+"""What a controller remembers of its run, from the events of its log."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages, Taken
+from hoap3.remote_controller.problems.statement import Statement
+
+if TYPE_CHECKING:
+    from hoap3.remote_controller.problems.parameters_in_force import ParametersInForce
+
+EVENTS = Event.schema.constants
+OF_PRIORITIES = frozenset({"set", "order", "insert", "remove", "weights"})
+"""Keys of requests for other priorities."""
+HELD_BACK = "a change is held back"
+"""The condition under which changes wait."""
+FINITE = ("q", "reference")
+"""Fields of a State without which a cycle cannot be repeated."""
+
+
+class History:
+    """The States, resets, targets, conditions and changes of a run, up to the newest State.
+
+    Args:
+        description: of the robot.
+        session: what the controller recorded at its begin: `targets`, `conditions`, `extra`, …
+
+    Attributes:
+        description, session: as given.
+        messages: of live targets.
+        state: the newest State, as a row of its structured array; None before the first.
+        last: the State before it.
+        before: the newest State of an earlier period since the last reset; None where there is
+            none.
+        answer, last_answer: the answers to `state` and `last`, as rows; None where there is none.
+        first: the first finite State since the last reset.
+        fresh: whether `state` is `first`.
+        was_reset: whether the controller began anew with `state`.
+        known: whether the log has everything since the last reset.
+        conditions: texts of those that hold.
+        changes: requests to change parameters, with the count of States before each.
+        states: how many States there were.
+        needed: fields of a State without which a cycle cannot be repeated.
+    """
+
+    def __init__(self, description: RobotDescription, session: Mapping[str, Any]) -> None:
+        self.description, self.session = description, session
+        self.messages = Messages(names=session.get("targets") or ())
+        self.state: Any = None
+        self.last: Any = None
+        self.answer: Any = None
+        self.last_answer: Any = None
+        self.before: Any = None
+        self.first: Any = None
+        self.fresh, self.known, self.was_reset = False, False, False
+        self.conditions: set[str] = set()
+        self.changes: list[tuple[int, dict[str, Any]]] = []
+        self.states, self.strange = 0, 0
+        self.needed: tuple[str, ...] = FINITE
+        self._gap = False
+        self._layouts: dict[tuple[type[Message], tuple[int, ...]], np.dtype[Any]] = {}
+
+    @property
+    def time_s(self) -> float:
+        """Of the newest State [s]."""
+        return int(self.state["tick"]) * self.description.period_s
+
+    @property
+    def finite(self) -> bool:
+        """Whether the newest State can be computed with."""
+        return is_finite(self.state, *self.needed)
+
+    def periods_between(self, earlier: Any, later: Any) -> int:
+        """Periods of the robot between two States, without those that it skipped."""
+        passed = int(later["tick"]) - int(later["skipped"])
+        return passed - (int(earlier["tick"]) - int(earlier["skipped"]))
+
+    def parse(self, message: type[State] | type[Setpoint], payload: bytes) -> Any | None:
+        """A message as a row; None where it is not one of this run."""
+        try:
+            lengths = tuple(message.schema.lengths_in(payload).values())
+        except WireError:
+            return None
+        dtype = self._layouts.get((message, lengths))
+        if dtype is None:
+            dtype = message.schema.dtype(dict(zip(message.schema.arrays, lengths, strict=True)))
+            self._layouts[message, lengths] = dtype
+        return np.frombuffer(payload, dtype)[0]
+
+    def take_state(self, state: Any) -> None:
+        """Make a State the newest one."""
+        self.states += 1
+        self.last = last = self.state
+        self.last_answer, self.answer = self.answer, None
+        if last is not None and is_finite(last, *self.needed) and self.first is not None:
+            self.before = last if self._advances(last, state) else self.before
+        self.state, self.fresh, self.was_reset, self._gap = state, False, False, False
+        if self.first is None and self.finite:
+            self.first, self.fresh = state, True
+
+    def _advances(self, last: Any, state: Any) -> bool:
+        return self.periods_between(last, state) > 0
+
+    def take(self, kind: Kind, payload: bytes) -> None:
+        """Fold any other record."""
+        if kind == Kind.SETPOINT:
+            self.answer = self.parse(Setpoint, payload)
+        elif kind == Kind.EVENT:
+            self._take_event(*Event.scalars(payload, "kind", "detail"))
+        elif kind == Kind.TARGET:
+            self._take_target(payload)
+        elif kind == Kind.CHANGE:
+            self.changes.append((self.states, json.loads(payload)))
+        elif kind == Kind.GAP:
+            self._gap, self.known, self.first, self.before = True, False, None, None
+
+    def _take_event(self, event: int, detail: int) -> None:
+        if event == EVENTS["RESET"] and not self._gap:
+            self.known, self.was_reset, self.before, self.first = True, True, None, None
+            if self.state is not None and self.finite:
+                self.first, self.fresh = self.state, True
+        elif event in {EVENTS["CONDITION_BEGAN"], EVENTS["CONDITION_ENDED"]}:
+            names = self.session.get("conditions") or ()
+            if detail < len(names):
+                began = event == EVENTS["CONDITION_BEGAN"]
+                (self.conditions.add if began else self.conditions.discard)(str(names[detail]))
+
+    def _take_target(self, payload: bytes) -> None:
+        target, period = Target.like(payload), self.description.period_s
+        target.load(payload)
+        tick = -1 if self.state is None else int(self.state["tick"])
+        rates = target.rates.reshape(target.points if target.rates.size else 1, -1).copy()
+        points = target.values.reshape(target.points, target.dimension).copy()
+        first, step = target.first_tick * period, target.tick_step * period
+        self.messages.add(Taken(target.target, (tick + 1) * period, first, step, points, rates))
+
+
+class ProblemBuilder(ABC):
+    """States the problem of each answer in a controller's log.
+
+    A builder runs no controller and calls no kernel. It sees every record of the log, in its
+    order; problems may be asked for only some of the answers.
+
+    Args:
+        description: of the robot.
+        parameters: of the controller, as the log's configuration gives them.
+        session: what the controller recorded at its begin.
+        controller: its registered name, for the defaults of what is changed while it runs.
+
+    Raises:
+        UnverifiableError: something in the configuration cannot be recomputed.
+    """
+
+    checks_every_answer: ClassVar[bool] = False
+    """Whether a problem takes a millisecond or less, so that by default each answer is checked."""
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        parameters: Mapping[str, Any],
+        session: Mapping[str, Any],
+        controller: str,
+    ) -> None:
+        self.history = History(description, session)
+        self._open = False  # the newest State waits for its event of a reset
+        self._controller, self._given = controller, parameters
+        self._in_force: ParametersInForce | None = None
+        self._values: Mapping[Any, Any] = {}
+
+    @abstractmethod
+    def adopt(self, parameters: Mapping[str, Any]) -> None:
+        """Take other parameters from the newest State on; all that is remembered stays."""
+
+    @abstractmethod
+    def begin(self) -> None:
+        """Forget everything: the newest State is the first after a reset."""
+
+    @abstractmethod
+    def observe(self) -> None:
+        """Fold the newest State, which is finite; `begin` was called before, if it is the first."""
+
+    @abstractmethod
+    def state_problem(self, setpoint: Any) -> Statement:
+        """The problem of an answer to the newest State.
+
+        Args:
+            setpoint: as a row of its structured array; its values are finite.
+        """
+
+    def feed(self, kind: Kind, payload: bytes) -> None:
+        """Take a record of the log."""
+        if kind == Kind.STATE:
+            self._close()
+            state = self.history.parse(State, payload)
+            if state is None or state["q"].size != self.history.description.n:
+                self.history.strange += 1
+                return
+            self.history.take_state(state)
+            self._open = True
+            return
+        if kind == Kind.CHANGE:
+            self._close()
+            self._ask(json.loads(payload))
+        self.history.take(kind, payload)
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether `observe` must see each State, not only those whose problems are asked for."""
+        return True
+
+    def problem(self) -> Statement | None:
+        """The problem of the newest answer; None where the log lacks what it depends on."""
+        self._close(asked=True)
+        history, setpoint = self.history, self.history.answer
+        if setpoint is None or not (history.known and history.finite):
+            return None
+        return self.state_problem(setpoint) if is_finite(setpoint, "values") else None
+
+    def _close(self, *, asked: bool = False) -> None:
+        """Fold the newest State, once it is known whether the controller began anew with it."""
+        history, waiting = self.history, self._open
+        self._open = False
+        if waiting and self._in_force is not None:
+            self._follow(self._in_force)
+        if waiting and history.known and history.finite:
+            if history.fresh:
+                self.begin()
+            if asked or self.has_memory:
+                self.observe()
+
+    def _ask(self, request: Mapping[str, Any]) -> None:
+        """Take a request for other parameters; priorities are the builders' own."""
+        if not OF_PRIORITIES.isdisjoint(request):
+            return
+        if self._in_force is None:
+            from hoap3.remote_controller.problems.parameters_in_force import ParametersInForce
+
+            self._in_force = ParametersInForce(
+                self._controller, self.history.description, self._given
+            )
+        self._in_force.ask(request)
+
+    def _follow(self, in_force: ParametersInForce) -> None:
+        """Adopt what is in force at the newest State."""
+        if self.history.was_reset:
+            in_force.reset()
+        held = HELD_BACK in self.history.conditions
+        in_force.advance(int(self.history.state["tick"]), held=held)
+        if in_force.values != self._values:
+            self._values = in_force.values
+            self.adopt(in_force.parameters())
+
+
+def is_finite(row: Any, *names: str) -> bool:
+    """Whether fields of a row hold only finite numbers."""
+    return all(bool(np.isfinite(row[name]).all()) for name in names)
