@@ -64,6 +64,9 @@ class Rows:
     @classmethod
     def stacked(cls, parts: Sequence[Rows]) -> Rows:
         """Rows of several, below each other."""
+        parts = [part for part in parts if len(part.a)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
 
         def joined(name: str) -> Any:
             return np.concatenate([getattr(part, name) for part in parts])

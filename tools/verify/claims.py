@@ -66,11 +66,14 @@ class Claims:
     Attributes:
         counts: by claim.
         listed: false claims, at most `MOST_LISTED`, in the order in which they were found.
+        answers, left_out: answers whose certificates are checked by samples, and how many of these
+            are not in the sample.
     """
 
     def __init__(self) -> None:
         self.counts: dict[str, Count] = {}
         self.listed: list[FalseClaim] = []
+        self.answers = self.left_out = 0
         self._from: int | None = None
 
     @contextmanager
@@ -115,6 +118,18 @@ class Claims:
             off = np.where(value <= bound, 0.0, value - bound)  # nan stays nan
         self._take(claim, ticks, value, bound, off, tolerance)
 
+    def compared(
+        self,
+        claim: str,
+        ticks: ArrayLike,
+        stated: NDArray[np.float64],
+        found: NDArray[np.float64],
+        off: NDArray[np.float64],
+        tolerance: ArrayLike,
+    ) -> None:
+        """Take what was compared already: by how much it is off, and by how much it may be."""
+        self._take(claim, ticks, stated, found, off, tolerance)
+
     def unverified(self, claim: str, cycles: int, reason: str) -> None:
         """So many cycles' claim could not be recomputed."""
         if cycles:
@@ -133,6 +148,8 @@ class Claims:
             for reason, cycles in each.unverified.items():
                 self.unverified(name, cycles, reason)
         self.listed += other.listed[: MOST_LISTED - len(self.listed)]
+        self.answers += other.answers
+        self.left_out += other.left_out
 
     @property
     def checked(self) -> int:
@@ -159,6 +176,7 @@ class Claims:
             "checked": self.checked,
             "false": self.false,
             "unverified": self.unverifiable,
+            "left_out": self.left_out,
             "claims": {name: asdict(count) for name, count in sorted(self.counts.items())},
             "false_claims": [asdict(one) for one in self.by_tick()],
         }

@@ -24,6 +24,12 @@ def shown(found: Verification) -> Iterator[str]:
             f"tick {one.tick}: {one.claim} {one.stated:.17g} where {one.found:.17g} "
             f"is found (tolerance {one.tolerance:.2g})"
         )
+    if claims.left_out:
+        sample = claims.answers - claims.left_out
+        yield (
+            f"certificates: {sample} of {claims.answers} answers were recomputed, a random sample; "
+            "--all recomputes every one"
+        )
     if found.missing:
         yield f"not verified: a part of the log is missing: {found.missing}"
     for name, count in sorted(claims.counts.items()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -10,9 +11,11 @@ from typing import Any
 
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import with_motions
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both, enclosed_alike
+from hoap3.tools.verify.changes import with_numbers
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
@@ -22,8 +25,7 @@ from hoap3.tools.verify.forked import Forked, gather, processors
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
-from hoap3.tools.verify.tasks.changes import with_numbers
-from hoap3.tools.verify.tasks.trajectories import with_motions
+from hoap3.tools.verify.statements import BUILDERS, check_engagements
 
 PARALLEL_FROM = 50_000
 """States from which on the parts of a verification run in processes of their own."""
@@ -99,6 +101,8 @@ def verify(
     repeat: bool = False,
     allow_code: bool = False,
     opened: Mapping[str, Log] | None = None,
+    most_answers: int | None = None,
+    every: bool = False,
 ) -> Verification:
     """Verify the log of a controller, of a robot, or both in the folder of a run.
 
@@ -108,11 +112,16 @@ def verify(
         repeat: also replay the controller, for its summaries, events and session.
         allow_code: import for that what the log names by a dotted path.
         opened: the logs by side, where they are open already.
+        most_answers: certificates of about so many answers are checked, a random sample with the
+            seed 0, where the controller's builder states its problems one by one; None: all where
+            that is fast, else `statements.SAMPLE`.
+        every: check the certificates of all answers.
 
     Raises:
         LogError: there is no log, or it cannot be read.
     """
-    return start(path, say, repeat=repeat, allow_code=allow_code, opened=opened)()
+    options: Any = {"repeat": repeat, "allow_code": allow_code, "opened": opened}
+    return start(path, say, **options, most_answers=most_answers, every=every)()
 
 
 def start(
@@ -122,6 +131,8 @@ def start(
     repeat: bool = False,
     allow_code: bool = False,
     opened: Mapping[str, Log] | None = None,
+    most_answers: int | None = None,
+    every: bool = False,
 ) -> Callable[[], Verification]:
     """Start a verification; arguments as for `verify`.
 
@@ -137,9 +148,12 @@ def start(
     sides = opened.items() if opened else ((side, None) for side in _sides(path))
     found = [known or Log.open(path, side=side).load() for side, known in sides]
     logs = {log.side: log for log in found}
+    most = sys.maxsize if every else most_answers
     parts: list[tuple[str, Work]] = []
     for side, log in logs.items():
         parts.append((side, partial(_check_side, log)))
+        if side == "controller":
+            parts.append((side, partial(_check_problems, log, most)))
         if repeat and side == "controller":
             parts.append((side, partial(_repeat, log, allow_code=allow_code)))
     parts.append(("", partial(_check_together, logs)))
@@ -262,8 +276,21 @@ def _check_controller(
     for run in runs(log.records()):
         check_order(run, claims)
         say(f"{len(run.answers)} answers")
-        if check is None:
+        if name in BUILDERS:
+            check_leaving(run, (config or {}).get("parameters") or {}, claims)
+        elif check is None:
             claims.unverified("certificate", len(run.answers), reason)
         elif len(run.answers):
             for part, parameters in with_numbers(run, name, (config or {}).get("parameters") or {}):
                 check(check_leaving(part, parameters, claims), parameters, claims)
+
+
+def _check_problems(log: Log, most: int | None, part: Part, say: Callable[[str], None]) -> None:
+    """Check answers by the problems that the controller's builder states."""
+    config, answers = _config(log), log.count(Kind.SETPOINT)
+    name = str((config or {}).get("controller", ""))
+    if config is None or name not in BUILDERS:
+        return
+    say(f"problems of {answers} answers")
+    parameters, records = config.get("parameters") or {}, log.records()
+    check_engagements(records, name, parameters, part.claims, answers=answers, most=most, say=say)

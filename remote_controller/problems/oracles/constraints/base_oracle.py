@@ -103,7 +103,7 @@ class Constraint:
     def begin(self, state: Any) -> None:
         """Forget everything; `robot` is placed where it is at this State."""
 
-    def inherit(self, other: Constraint) -> None:
+    def take_over(self, other: Constraint) -> None:
         """Keep what a constraint remembers whose parameters are changed, after `begin`."""
 
     def rows(self, state: Any, number: int) -> Rows:

@@ -40,7 +40,7 @@ class ComMotion(Constraint):
         """Nothing is known of a period before."""
         self._before: tuple[int, Array, Array, Array, Array] | None = None
 
-    def inherit(self, other: Constraint) -> None:
+    def take_over(self, other: Constraint) -> None:
         """Keep the motion of the period before."""
         if isinstance(other, ComMotion):
             self._before = other._before

@@ -116,7 +116,7 @@ class Curve:
     def watch(self, robot: Robot, time_s: float) -> None:
         """Nothing to watch."""
 
-    def inherit(self, other: object) -> None:
+    def take_over(self, other: object) -> None:
         """Keep the tangent of the curve whose parameters are changed."""
         if isinstance(other, Curve):
             self._last = other._last

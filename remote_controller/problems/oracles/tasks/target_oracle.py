@@ -63,11 +63,6 @@ class Target(ABC):
         """Time since the start [s]."""
         return max(0.0, time_s - self._begin)
 
-    @property
-    def stays(self) -> Array | None:
-        """Where it stays, if it was told to."""
-        return self._stays
-
     def stay(self, place: Array) -> None:
         """From now on be there, (m,), until the next start."""
         self._stays = place.copy()

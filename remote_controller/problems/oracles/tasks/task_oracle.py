@@ -85,14 +85,10 @@ class Task(ABC):
         if self.tolerances is not None:
             self.tolerances.open = True
 
-    def inherit(self, other: object) -> None:
-        """Keep what a task remembers whose parameters are changed, after `begin`."""
-        if not isinstance(other, Task):
-            return
-        if self.tolerances is not None and other.tolerances is not None:
-            self.tolerances.open = other.tolerances.open
-        if other.target.stays is not None:
-            self.target.stay(other.target.stays)
+    def take_over(self, other: object) -> None:
+        """Go on with the target and the tolerances of a task of which only weights differ."""
+        if isinstance(other, Task):
+            self.target, self.tolerances = other.target, other.tolerances
 
     @property
     def watched(self) -> bool:
@@ -321,11 +317,11 @@ class SumTask:
         for term in self._terms:
             term.watch(robot, time_s)
 
-    def inherit(self, other: object) -> None:
-        """Keep what the terms remember."""
+    def take_over(self, other: object) -> None:
+        """The same for all terms."""
         if isinstance(other, SumTask):
             for term, old in zip(self._terms, other._terms, strict=True):
-                term.inherit(old)
+                term.take_over(old)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """All targets set out."""

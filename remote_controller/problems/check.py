@@ -1,0 +1,357 @@
+"""Whether an answer solves its problem: by multipliers, which are tested and need not be trusted.
+
+`check` asks whether the answer is the exact optimum of a problem whose limits and gradients differ
+from the stated ones by no more than their errors. So no threshold decides what is "active": a row
+may hold the answer where the answer is at its limit to that error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog, nnls
+
+from hoap3.remote_controller.problems.gain_program import gap_of
+from hoap3.remote_controller.problems.statement import (
+    Array,
+    Claim,
+    ClosedForm,
+    GainProgram,
+    MaximalRate,
+    Problem,
+    Program,
+    Rows,
+    Statement,
+)
+
+ROUNDING = 64.0 * float(np.finfo(float).eps)
+"""Of a sum of some ten products, relative to the sizes of its terms."""
+STEPS = 100  # of non-negative least squares, for each unknown
+CLOSE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+INFEASIBLE = 2  # scipy's word
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One comparison.
+
+    Attributes:
+        name: of what was compared.
+        stated, found: of the claim; of a problem the deviation and 0.
+        off: how far apart they are, the wrong way.
+        allowed: how far they may be.
+    """
+
+    name: str
+    stated: float
+    found: float
+    off: float
+    allowed: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether they are no further apart than allowed; false for NaN."""
+        return self.off <= self.allowed
+
+
+def check(statement: Statement) -> list[Finding]:
+    """Compare everything that is claimed of an answer.
+
+    Returns:
+        Of each claim what was found, and of the problems those findings that hold, or else those
+        of the problem that the answer is nearest to.
+    """
+    found = [_compared(claim) for claim in statement.claims]
+    nearest: list[Finding] = []
+    for make in statement.problems:
+        tried = check_problem(make(), statement.answer, statement.answer_error)
+        if all(each.holds for each in tried):
+            return found + tried
+        if not nearest or _worst(tried) < _worst(nearest):
+            nearest = tried
+    return found + nearest
+
+
+def check_problem(problem: Problem, answer: Array, error: Array) -> list[Finding]:
+    """Whether an answer, exact to `error`, both (p,), solves a problem."""
+    if isinstance(problem, ClosedForm):
+        return _check_closed_form(problem, answer, error)
+    if isinstance(problem, MaximalRate):
+        return _check_rate(problem, answer, error)
+    if isinstance(problem, GainProgram):
+        return _check_gains(problem)
+    return _check_program(problem, answer, error)
+
+
+def _worst(findings: list[Finding]) -> float:
+    """The largest deviation, relative to what is allowed."""
+    return max(each.off / each.allowed if each.allowed else np.inf * each.off for each in findings)
+
+
+def _compared(claim: Claim) -> Finding:
+    difference = claim.stated - claim.value
+    if claim.stated == claim.value or (np.isnan(claim.stated) and np.isnan(claim.value)):
+        off = 0.0
+    elif claim.relation == "equal":
+        off = abs(difference)
+    else:
+        off = max(difference if claim.relation == "at_most" else -difference, 0.0)
+        off = off if difference == difference else np.nan  # noqa: PLR0124 (max forgets a NaN)
+    return Finding(claim.name, claim.stated, claim.value, float(off), claim.error)
+
+
+def _largest(name: str, off: Array, allowed: Array) -> Finding:
+    """The finding of the entry that is worst, relative to what is allowed."""
+    if not off.size:
+        return Finding(name, 0.0, 0.0, 0.0, 0.0)
+    if (off <= 0.0).all():
+        at = int(np.argmax(off))
+        return Finding(name, float(off[at]), 0.0, 0.0, float(allowed[at]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(off <= 0.0, 0.0, off / allowed)
+    at = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
+    return Finding(name, float(off[at]), 0.0, max(float(off[at]), 0.0), float(allowed[at]))
+
+
+def _check_closed_form(problem: ClosedForm, answer: Array, error: Array) -> list[Finding]:
+    allowed = problem.error + error
+    tried = [_largest("answer", np.abs(answer - each), allowed) for each in problem.allowed]
+    return [min(tried, key=lambda each: _worst([each]))]
+
+
+def _check_rate(problem: MaximalRate, answer: Array, error: Array) -> list[Finding]:
+    """That the rate is the largest one, and that the answer is the best one with that rate."""
+    z, _ = _variables(problem.then, answer, error)
+    bound = upper_bound(problem.rate, problem.rows)
+    best, rate = min(bound.value, problem.wanted), float(problem.rate @ z)
+    if np.isfinite(best):
+        lacks, size = best - rate, abs(best)
+        lacks = min(abs(lacks - share * size) for share in (0.0, *problem.retreats))
+        lacks = 0.0 if rate >= best else lacks
+        allowed = problem.error + float(problem.rows.error.max(initial=0.0)) * bound.pull
+        allowed += max(problem.retreats[:1], default=0.0) * size
+    else:
+        lacks, allowed = np.inf, 0.0
+    return [
+        Finding("largest rate", rate, best, float(lacks), float(allowed)),
+        *_check_program(problem.then, answer, error),
+    ]
+
+
+def _check_gains(problem: GainProgram) -> list[Finding]:
+    speeds = problem.S @ problem.gains
+    beyond = np.maximum(speeds - problem.most, problem.least - speeds)
+    gap = gap_of(problem, 0.5 * problem.gap)
+    return [
+        _largest("limits", beyond, problem.error),
+        Finding("optimum", gap, 0.0, gap, problem.gap),
+    ]
+
+
+def _variables(problem: Program, answer: Array, error: Array) -> tuple[Array, Array]:
+    """Variables that give the answer, and how exactly they are known, both (N,)."""
+    E, e = problem.E, problem.e
+    N = E.shape[1]
+    if problem.z is not None:
+        z = problem.z
+    elif _is_identity(E):
+        z = answer - e
+    else:  # of all that give the answer those of the least cost
+        H, f = problem.R.T @ problem.R, problem.c - problem.R.T @ problem.r
+        equal = problem.rows.lower == problem.rows.upper
+        C = np.vstack([E, problem.rows.A[equal]])
+        d = np.concatenate([answer - e, (problem.rows.lower - problem.rows.a)[equal]])
+        K = np.block([[H, C.T], [C, np.zeros((len(C), len(C)))]])
+        z = np.linalg.lstsq(K, np.concatenate([-f, d]), rcond=None)[0][:N]
+    if _is_identity(E):
+        return z, error
+    return z, np.abs(np.linalg.pinv(E)) @ error
+
+
+class _Sides(NamedTuple):
+    """Normals of the limits that may hold z, (k, N); a multiplier of each is not negative."""
+
+    normals: Array
+    A_error: Array
+
+
+def _check_program(problem: Program, answer: Array, answer_error: Array) -> list[Finding]:
+    """That z keeps the rows, and that multipliers show its cost to be the least."""
+    z, z_error = _variables(problem, answer, answer_error)
+    _, away = _variables(problem, answer, problem.error)
+    given = problem.E @ z + problem.e
+    size = np.abs(problem.E) @ np.abs(z) + np.abs(problem.e)
+    same = _largest("answer", np.abs(given - answer), answer_error + ROUNDING * size)
+    rows = problem.rows
+    v = rows.A @ z + rows.a
+    near = rows.error + np.abs(rows.A) @ z_error + ROUNDING * (np.abs(rows.A) @ np.abs(z))
+    over, under = v - rows.upper, rows.lower - v
+    beyond = np.where(rows.optional, -np.inf, np.maximum(over, under))
+    kept = _largest("rows", beyond, near)
+    if kept.off > 0.0 and rows.names:
+        kept = Finding(f"rows: {rows.names[int(np.argmax(beyond))]}", *_rest(kept))
+    near = near + np.abs(rows.A) @ away  # the optimum may be at a limit where z is not quite
+    upper, lower = np.abs(over) <= near, np.abs(under) <= near
+    sides = _Sides(
+        np.vstack([rows.A[upper], -rows.A[lower]]),
+        np.concatenate([rows.A_error[upper], rows.A_error[lower]]),
+    )
+    off, allowed = _stationarity(problem, z, z_error, away, sides)
+    return [same, kept, _largest("optimum", off, allowed)]
+
+
+def _rest(finding: Finding) -> tuple[float, float, float, float]:
+    return finding.stated, finding.found, finding.off, finding.allowed
+
+
+def _stationarity(
+    problem: Program, z: Array, z_error: Array, away: Array, sides: _Sides
+) -> tuple[Array, Array]:
+    """How far z is from the optimum for the best multipliers, in the answer's unit.
+
+    The gradient that multipliers leave is divided by the curvature. Along variables without
+    curvature, as the largest speed of an ℓ∞ cost, it is divided by the mean curvature of others.
+
+    Args:
+        problem: whose z it is.
+        z, z_error: (N,), and how exactly they are known.
+        away: (N,), how far they may be from the optimum.
+        sides: the limits that may hold z.
+
+    Returns:
+        (q,) and how large each may be, (q,).
+    """
+    R, l1, normals = problem.R, problem.l1, sides.normals
+    H = R.T @ R
+    D = _to_answer(H, problem.E)
+    still = (np.abs(z) <= z_error + away) & (l1 > 0.0)
+    smooth = H @ z - R.T @ problem.r + problem.c + np.where(still, 0.0, l1 * np.sign(z))
+    sizes = np.abs(H) @ np.abs(z) + np.abs(R).T @ np.abs(problem.r) + np.abs(problem.c) + l1
+    most = away if _is_identity(problem.E) else np.concatenate([problem.error, away])
+    flat = np.full(len(D) - len(most), float(problem.error.max(initial=0.0)))
+    most = np.append(most, flat)
+    off, allowed = np.full(len(D), np.inf), most
+    for multipliers in (_of_moving, _of_all):
+        held = multipliers(D, smooth, normals, np.diag(l1)[still])
+        pull = smooth + normals.T @ held
+        pull[still] = np.sign(pull[still]) * np.maximum(np.abs(pull[still]) - l1[still], 0.0)
+        doubt = ROUNDING * (sizes + np.abs(normals).T @ held) + np.abs(H) @ z_error
+        off, allowed = np.abs(D @ pull), most + np.abs(D) @ (doubt + sides.A_error @ held)
+        if (off <= allowed).all() or not still.any():
+            break
+    return off, allowed
+
+
+def _of_moving(D: Array, smooth: Array, normals: Array, bends: Array) -> Array:
+    """Multipliers for the variables that an ℓ1 cost does not hold at 0, which mostly suffice."""
+    free = ~bends.any(0)
+    D = D[:, free]
+    return _non_negative(D @ normals[:, free].T, -D @ smooth[free])
+
+
+def _of_all(D: Array, smooth: Array, normals: Array, bends: Array) -> Array:
+    """Multipliers of sides, (k,), together with those −1 ≤ σ ≤ 1 of variables that stand still.
+
+    The unknowns of least squares are not negative: σ + 1 and 1 − σ, which add up to 2.
+    """
+    k, s = len(normals), len(bends)
+    target = -D @ (smooth - bends.sum(0))
+    A = np.zeros((len(target) + s, k + 2 * s))
+    A[: len(target), :k], A[: len(target), k : k + s] = D @ normals.T, D @ bends.T
+    weight = 1.0 + float(np.abs(target).max(initial=0.0))
+    A[len(target) :, k : k + s] = A[len(target) :, k + s :] = weight * np.eye(s)
+    return _non_negative(A, np.append(target, np.full(s, 2.0 * weight)))[:k]
+
+
+def _is_identity(E: Array) -> bool:
+    """Whether the answer is z."""
+    return E.shape[0] == E.shape[1] and bool((np.eye(len(E)) == E).all())
+
+
+def _to_answer(H: Array, E: Array) -> Array:
+    """What maps a gradient to a change of the answer and of all variables, (q, N).
+
+    The variables as well: one that the answer does not show, such as a slack, may hide that the
+    answer is not optimal.
+    """
+    curvature, N = H.diagonal(), len(H)
+    if curvature.all() and np.count_nonzero(H) == N:
+        inverse, free = np.diag(1.0 / curvature), np.zeros((N, 0))
+    else:
+        values, vectors = np.linalg.eigh(H)
+        curved = values > ROUNDING * values[-1]
+        bent, free = vectors[:, curved], vectors[:, ~curved]
+        inverse = (bent / values[curved]) @ bent.T
+        free = free / (float(values[curved].mean()) if curved.any() else 1.0)
+    if _is_identity(E):
+        return np.vstack([inverse, free.T])
+    return np.vstack([E @ inverse, inverse, free.T])
+
+
+def _non_negative(A: Array, b: Array) -> Array:
+    """The x ≥ 0 with the least |A x − b|, for columns of any length."""
+    if not A.shape[1]:
+        return np.zeros(0)
+    length = np.linalg.norm(A, axis=0)
+    length[length == 0.0] = 1.0
+    try:
+        found: Array = nnls(A / length, b, maxiter=STEPS * A.shape[1])[0] / length
+    except RuntimeError:  # no multipliers in so many steps: the answer counts as not optimal
+        return np.zeros(A.shape[1])
+    return found
+
+
+class Bound(NamedTuple):
+    """What g·z does not exceed.
+
+    Attributes:
+        value: inf: nothing is proved, or there is no end; −inf: nothing keeps the rows.
+        pull: by how much more it is for rows that give way by 1: the sum of all multipliers.
+    """
+
+    value: float
+    pull: float = 0.0
+
+
+def upper_bound(g: Array, rows: Rows) -> Bound:
+    """What g·z, g (N,), does not exceed within rows: weak duality (Farkas' lemma).
+
+    For any multipliers λ ≥ 0 with Aᵀλ = g, g·z ≤ λ·limits. They come from scipy's linprog; what
+    they leave of g is paid for at the limits of single variables, or at the largest entry found.
+    """
+    equal = rows.lower == rows.upper
+    up, down = np.isfinite(rows.upper) & ~equal, np.isfinite(rows.lower) & ~equal
+    A = np.vstack([rows.A[up], -rows.A[down]])
+    b = np.concatenate([(rows.upper - rows.a)[up], (rows.a - rows.lower)[down]])
+    C, d = rows.A[equal], (rows.upper - rows.a)[equal]
+    found = linprog(-g, A, b, C, d, bounds=(None, None), method="highs", options=CLOSE)
+    if found.status:
+        return Bound(-np.inf if found.status == INFEASIBLE else np.inf)
+    held, tied = np.maximum(-found.ineqlin.marginals, 0.0), -found.eqlin.marginals
+    rest = np.abs(g - held @ A - tied @ C)
+    value = held @ b + tied @ d + rest.sum() * (1.0 + float(np.abs(found.x).max(initial=0.0)))
+    return Bound(float(value), float(held.sum() + np.abs(tied).sum()))
+
+
+def infeasibility(rows: Rows, kept: Rows | None = None) -> float:
+    """By how much every z breaks some row, at the least; 0 or less: there is one that keeps all.
+
+    Args:
+        rows: of which some are broken.
+        kept: rows that each such z keeps.
+    """
+    up, down = np.isfinite(rows.upper), np.isfinite(rows.lower)
+    A = np.vstack([rows.A[up], -rows.A[down]])
+    b = np.concatenate([(rows.upper - rows.a)[up], (rows.a - rows.lower)[down]])
+    A = np.hstack([A, -np.ones((len(A), 1))])
+    if kept is not None:
+        up, down = np.isfinite(kept.upper), np.isfinite(kept.lower)
+        exact = np.vstack([kept.A[up], -kept.A[down]])
+        A = np.vstack([A, np.hstack([exact, np.zeros((len(exact), 1))])])
+        b = np.concatenate([b, (kept.upper - kept.a)[up], (kept.a - kept.lower)[down]])
+    cost = np.append(np.zeros(rows.A.shape[1]), 1.0)
+    free: list[tuple[float | None, float | None]] = [(None, None)] * rows.A.shape[1]
+    found = linprog(cost, A, b, bounds=[*free, (-1.0, None)], method="highs", options=CLOSE)
+    return float(found.fun) if found.status == 0 else np.inf

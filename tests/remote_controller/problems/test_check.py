@@ -1,0 +1,227 @@
+"""The checker of problems: optima of independent solvers pass, and what is off by 1e-7 does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import daqp
+import numpy as np
+import osqp
+import pytest
+from scipy.optimize import linprog
+from scipy.sparse import csc_matrix
+
+from hoap3.remote_controller.problems.check import (
+    check,
+    check_problem,
+    infeasibility,
+    upper_bound,
+)
+from hoap3.remote_controller.problems.statement import (
+    Claim,
+    ClosedForm,
+    MaximalRate,
+    Program,
+    Rows,
+    Statement,
+)
+
+EXACT = 1e-10  # of what daqp finds at these sizes
+SEEDS = range(40)
+
+
+def random_rows(random, n, s, *, equations=0):
+    """Rows that a random point keeps, so that there is a solution."""
+    inside, A = random.normal(size=n), random.normal(size=(s, n))
+    v = A @ inside
+    lower, upper = v - random.random(s), v + random.random(s)
+    lower[:equations] = upper[:equations] = v[:equations]
+    return Rows.of(A, lower, upper, error=EXACT, A_error=1e-14)
+
+
+def optimum_of(program):
+    """The z of a program without absolute values, by daqp."""
+    R, r, c, rows = program.R, program.r, program.c, program.rows
+    sense = np.where(rows.lower == rows.upper, 5, 0).astype(np.int32)
+    limits = rows.upper.copy(), rows.lower.copy()
+    z, _, flag, _ = daqp.solve(R.T @ R, c - R.T @ r, rows.A.copy(), *limits, sense)
+    assert flag == 1
+    return np.asarray(z)
+
+
+def optimum_with_absolute_values(program):
+    """The z of any program, by OSQP in (z, t), |z| ≤ t."""
+    R, r, rows, n = program.R, program.r, program.rows, len(program.c)
+    eye, none = np.eye(n), np.zeros((len(rows.a), n))
+    A = np.vstack([np.hstack([rows.A, none]), np.hstack([eye, -eye]), np.hstack([eye, eye])])
+    far = np.full(n, np.inf)
+    solver = osqp.OSQP()
+    solver.setup(
+        csc_matrix(np.block([[R.T @ R, 0.0 * eye], [0.0 * eye, 0.0 * eye]])),
+        np.concatenate([program.c - R.T @ r, program.l1]),
+        csc_matrix(A),
+        np.concatenate([rows.lower, -far, np.zeros(n)]),
+        np.concatenate([rows.upper, np.zeros(n), far]),
+        eps_abs=1e-11,
+        eps_rel=1e-11,
+        max_iter=200_000,
+        polishing=True,
+        verbose=False,
+    )
+    return solver.solve().x[:n]
+
+
+def random_program(random, *, l1=0.0, equations=0):
+    n, s = int(random.integers(2, 7)), int(random.integers(1, 6))
+    equations = min(equations, s, n - 1)
+    rows = random_rows(random, n, s, equations=equations)
+    R, r = random.normal(size=(n + 2, n)), random.normal(size=n + 2)
+    c, eye = random.normal(size=n), np.eye(n)
+    return Program(R, r, c, np.full(n, l1), rows, eye, np.zeros(n), np.full(n, 1e-9))
+
+
+def holds(problem, answer, error=0.0):
+    found = check_problem(problem, answer, np.full(len(answer), error))
+    return all(each.holds for each in found)
+
+
+@pytest.mark.parametrize("equations", [0, 2])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_an_optimum_passes_and_every_other_answer_does_not(seed, equations):
+    random = np.random.default_rng(seed)
+    program = random_program(random, equations=equations)
+    z = optimum_of(program)
+
+    assert holds(program, z)
+    for k in range(len(z)):
+        for step in (1e-6, -1e-6):
+            off = z.copy()
+            off[k] += step
+            assert not holds(program, off)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_optimum_of_an_absolute_value_stands_still(seed):
+    random = np.random.default_rng(seed)
+    program = random_program(random, l1=float(random.uniform(0.5, 5.0)))
+    z, near = optimum_with_absolute_values(program), 1e-8  # OSQP's
+    rows = replace(program.rows, error=np.full(len(program.rows.a), near))
+    program = replace(program, rows=rows, error=np.full(len(z), near))
+
+    assert holds(program, z)
+    for k in range(len(z)):
+        off = z.copy()
+        off[k] += 1e-5
+        assert not holds(program, off)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_an_answer_that_is_a_part_of_the_variables_is_completed(seed):
+    """answer = E z + e with fewer numbers than variables: a projection of the optimum."""
+    random = np.random.default_rng(seed)
+    program = random_program(random)
+    n = len(program.c)
+    wide = replace(
+        program,
+        R=np.vstack([np.hstack([program.R, np.zeros((n + 2, 2))]), 0.7 * np.eye(n + 2)]),
+        r=np.concatenate([program.r, random.normal(size=n + 2)]),
+        c=np.append(program.c, random.normal(size=2)),
+        l1=np.zeros(n + 2),
+        rows=Rows.of(np.zeros((0, n + 2)), 0.0, 0.0),
+    )
+    H = wide.R.T @ wide.R
+    z = np.linalg.solve(H, wide.R.T @ wide.r - wide.c)
+    E, e = random.normal(size=(3, n + 2)), random.normal(size=3)
+    part = replace(wide, E=E, e=e, error=np.full(3, 1e-9))
+
+    assert holds(part, E @ z + e)
+    assert not holds(part, E @ z + e + np.array([0.0, 1e-6, 0.0]))
+
+
+def test_a_variable_that_the_answer_does_not_show_hides_nothing():
+    """min ½u² + ½s² with u + s ≥ 2, of which the answer is u: 1, not 0.5 with s = 1.5."""
+    rows = Rows.of(np.array([[1.0, 1.0]]), 2.0, np.inf)
+    E, none, eye = np.array([[1.0, 0.0]]), np.zeros(2), np.eye(2)
+    program = Program(eye, none, none, none, rows, E, np.zeros(1), np.full(1, 1e-9))
+
+    assert holds(replace(program, z=np.array([1.0, 1.0])), np.array([1.0]))
+    assert not holds(replace(program, z=np.array([0.5, 1.5])), np.array([0.5]))
+
+
+def test_a_row_that_is_optional_may_be_broken_but_may_hold():
+    rows = Rows.of(np.array([[1.0, 0.0]]), -np.inf, 1.0, optional=True)
+    eye, zero = np.eye(2), np.zeros(2)
+    program = Program(eye, np.array([2.0, 0.0]), zero, zero, rows, eye, zero, np.full(2, 1e-12))
+
+    assert holds(program, np.array([1.0, 0.0]))  # at the row
+    assert holds(program, np.array([2.0, 0.0]))  # beyond it, at the optimum without
+    assert not holds(program, np.array([1.5, 0.0]))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_largest_rate_is_that_of_a_linear_program(seed):
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 6))
+    rows = Rows.stacked([random_rows(random, n, 3), Rows.of(np.eye(n), -2.0, 2.0, error=EXACT)])
+    g = random.normal(size=n)
+    A, b = np.vstack([rows.A, -rows.A]), np.concatenate([rows.upper, -rows.lower])
+    found = linprog(-g, A, b, bounds=(None, None))
+    assert found.success
+    best = -found.fun
+    bound = upper_bound(g, rows)
+    assert bound.value == pytest.approx(best, abs=1e-8)
+
+    eye, zero = np.eye(n), np.zeros(n)
+    then = Program(eye, found.x, zero, zero, rows, eye, zero, np.full(n, 1e-7))
+    problem = MaximalRate(g, np.inf, rows, (), 1e-9, then)
+    assert holds(problem, found.x)
+    slower = found.x - 1e-5 * g
+    assert not holds(replace(problem, then=replace(then, r=slower)), slower)
+
+
+def test_rows_that_exclude_each_other_have_no_answer():
+    A = np.array([[1.0, 1.0], [1.0, 1.0]])
+
+    assert infeasibility(Rows.of(A, np.array([1.0, -np.inf]), np.array([np.inf, 0.0]))) == (
+        pytest.approx(0.5)
+    )
+    assert infeasibility(Rows.of(A, -1.0, 1.0)) <= 0.0
+
+
+def test_one_of_several_values_is_enough():
+    problem = ClosedForm((np.array([1.0, 0.0]), np.array([0.0, 1.0])), np.full(2, 1e-9))
+
+    assert holds(problem, np.array([0.0, 1.0]))
+    assert not holds(problem, np.array([0.5, 0.5]))
+
+
+@pytest.mark.parametrize(
+    ("stated", "value", "relation", "holds"),
+    [
+        (1.0, 1.0, "equal", True),
+        (1.0, 1.2, "equal", False),
+        (1.0, 1.2, "at_most", True),
+        (1.2, 1.0, "at_most", False),
+        (1.0, 1.2, "at_least", False),
+        (np.nan, 1.0, "equal", False),
+        (np.nan, 1.0, "at_most", False),
+        (1.0, np.nan, "at_least", False),
+        (np.nan, np.nan, "equal", True),
+        (np.inf, np.inf, "equal", True),
+    ],
+)
+def test_a_number_is_compared_by_its_relation(stated, value, relation, holds):
+    claim = Claim("number", stated, value, 0.1, relation)
+
+    (found,) = check(Statement("", (), np.zeros(0), np.zeros(0), (claim,)))
+
+    assert found.holds is holds
+
+
+def test_the_first_problem_that_the_answer_solves_counts():
+    wrong = ClosedForm((np.array([2.0]),), np.array([1e-9]))
+    right = ClosedForm((np.array([1.0]),), np.array([1e-9]))
+    one, exact = np.array([1.0]), np.zeros(1)
+
+    assert all(f.holds for f in check(Statement("", (lambda: wrong, lambda: right), one, exact)))
+    assert not all(f.holds for f in check(Statement("", (lambda: wrong,), one, exact)))

@@ -1,0 +1,156 @@
+"""Checks the answers of a controller's log by the problems that its builder states."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.controllers.singularity import LEAVING
+from hoap3.remote_controller.problems.check import Finding, check
+from hoap3.remote_controller.problems.history import ProblemBuilder
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.tools.verify.claims import Claims
+
+BUILDERS = {"stable_qp": "hoap3.remote_controller.problems.stable_qp:StableQpProblems"}
+"""Controllers whose answers are checked by their problems; others have a checker of their own."""
+SAMPLE = 20_000
+"""Answers that are checked where each takes milliseconds and nobody asks for all of them."""
+MISSING = "not finite, or the log lacks when the controller began"
+PART = 5000  # answers whose findings are counted together
+
+
+def builder_of(controller: str) -> type[ProblemBuilder] | None:
+    """What states the problems of a controller; None where nobody here knows it."""
+    if controller not in BUILDERS:
+        return None
+    module, name = BUILDERS[controller].split(":")
+    found: type[ProblemBuilder] = getattr(import_module(module), name)
+    return found
+
+
+def check_statements(
+    records: Iterable[Record],
+    builder: ProblemBuilder,
+    claims: Claims,
+    *,
+    share: float = 1.0,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Check the answers of one engagement.
+
+    Args:
+        records: of the engagement, in the order of the log.
+        builder: of the problems of its controller.
+        claims: takes what was compared, and how many answers were not in the sample.
+        share: of the answers that are checked, a random sample.
+        seed: of the sample.
+        say: takes progress, for people.
+    """
+    chance = random.Random(seed)
+    gathered: dict[str, list[tuple[int, Finding]]] = {}
+    answers = left_out = missing = 0
+    for kind, _, payload in records:
+        builder.feed(kind, payload)
+        if kind != Kind.SETPOINT:
+            continue
+        if any(each.startswith(LEAVING) for each in builder.history.conditions):
+            continue  # these answers claim nothing; see `leaving`
+        answers += 1
+        if answers % PART == 0:
+            say(f"problems of {claims.answers + answers} answers")
+            _count(gathered, claims)
+        if share < 1.0 and chance.random() >= share:
+            left_out += 1
+            continue
+        statement = builder.problem()
+        if statement is None:
+            missing += 1
+            continue
+        for name, reason in statement.unverified:
+            claims.unverified(name, 1, reason)
+        tick = int(builder.history.state["tick"])
+        for finding in check(statement):
+            gathered.setdefault(finding.name, []).append((tick, finding))
+    _count(gathered, claims)
+    claims.unverified("certificate", missing, MISSING)
+    claims.answers += answers
+    claims.left_out += left_out
+
+
+def check_engagements(
+    records: Iterable[Record],
+    controller: str,
+    parameters: Mapping[str, Any],
+    claims: Claims,
+    *,
+    answers: int = 0,
+    most: int | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Check the answers of a controller's log by its builder.
+
+    Args:
+        records: all of the log.
+        controller: registered name of one of `BUILDERS`.
+        parameters: of the log's config.
+        claims: takes what was compared.
+        answers: how many the log has.
+        most: about how many of them are checked, a random sample; None: all of a controller whose
+            builder is fast enough, else `SAMPLE`.
+        say: takes progress, for people.
+    """
+    kind = builder_of(controller)
+    if kind is not None and most is None and not kind.checks_every_answer:
+        most = SAMPLE
+    share = 1.0 if most is None else min(1.0, most / max(answers, 1))
+    description: RobotDescription | None = None
+    reader = iter(records)
+    record = next(reader, None)
+    while record is not None:
+        if record.kind == Kind.DESCRIPTION:
+            description = RobotDescription.from_json(record.payload)
+        if record.kind != Kind.SESSION or description is None or kind is None:
+            record = next(reader, None)
+            continue
+        engagement = _Engagement(reader)
+        try:
+            session = json.loads(record.payload)
+            builder = kind(description, parameters, session, controller)
+            check_statements(engagement, builder, claims, share=share, say=say)
+        except (UnverifiableError, FrameNotFoundError) as error:
+            answers = sum(each.kind == Kind.SETPOINT for each in engagement)
+            claims.unverified("certificate", answers, f"{error!s:.120}")
+        record = engagement.following
+
+
+class _Engagement:
+    """Records up to the next description or session, which it keeps as `following`."""
+
+    def __init__(self, reader: Iterator[Record]) -> None:
+        self._reader = reader
+        self.following: Record | None = None
+
+    def __iter__(self) -> Iterator[Record]:
+        for record in self._reader:
+            if record.kind in {Kind.DESCRIPTION, Kind.SESSION}:
+                self.following = record
+                return
+            yield record
+
+
+def _count(gathered: dict[str, list[tuple[int, Finding]]], claims: Claims) -> None:
+    """Hand findings over, by their names."""
+    for name, found in gathered.items():
+        ticks = np.array([tick for tick, _ in found], np.int64)
+        numbers: Any = np.array([(f.stated, f.found, f.off, f.allowed) for _, f in found], float).T
+        claims.compared(name, ticks, *numbers)
+    gathered.clear()
