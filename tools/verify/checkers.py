@@ -33,7 +33,6 @@ FUNCTIONS = {
     "osqp": "lyapunov_descent:check",
     "pinv": "lyapunov_descent:check_pinv",
     "qp12": "lyapunov_descent:check",
-    "stable_qp": "stable_qp.check:check",
     "tsid": "acceleration.tsid:check",
     "weighted": "acceleration.weighted:check",
 }

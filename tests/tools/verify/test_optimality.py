@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from hoap3.tools.verify.controllers.stable_qp.optimality import residual
-from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
+from support.oracles.stable_qp_arrays.optimality import residual
+from support.oracles.stable_qp_arrays.scaled import Scaled
 
 N, EQUATIONS, KAPPA = 21, 6, 0.1
 CREEP = 1e-14  # rad/s

@@ -418,8 +418,10 @@ def test_it_shares_no_text_with_what_it_judges():
 def test_every_registered_controller_has_a_checker():
     from hoap3.remote_controller.registry import registered
     from hoap3.tools.verify.checkers import FUNCTIONS, checker_of
+    from hoap3.tools.verify.statements import BUILDERS, builder_of
 
-    assert set(FUNCTIONS) == set(registered())
+    assert FUNCTIONS.keys() | BUILDERS.keys() == set(registered())
+    assert all(builder_of(name) is not None for name in BUILDERS)
     assert all(checker_of(name) is not None for name in FUNCTIONS)
 
 

@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.oracles.stable_qp_arrays.judge import most_by_bounds
+from support.oracles.stable_qp_arrays.largest import KEPT, missing
+from support.oracles.stable_qp_arrays.scaled import Scaled
 from tampering import (
     ANSWERS,
     SETPOINT,
@@ -28,9 +31,6 @@ from tampering import (
 from hoap3.remote_controller.problems import stable_qp_settings as settings
 from hoap3.remote_controller.problems.oracles.parameters import complete
 from hoap3.tools.verify.changes import OF_CHANGES
-from hoap3.tools.verify.controllers.stable_qp.judge import most_by_bounds
-from hoap3.tools.verify.controllers.stable_qp.largest import KEPT, missing
-from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
 from hoap3.tools.verify.verify import verify
 
 pytestmark = pytest.mark.slow

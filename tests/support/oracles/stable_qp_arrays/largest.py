@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hoap3.tools.verify.controllers.stable_qp.farkas import Most
-from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
+from support.oracles.stable_qp_arrays.farkas import Most
+from support.oracles.stable_qp_arrays.scaled import Scaled
 
 RUNGS = 1e-9, 1e-7, 1e-5, 1e-3  # of the largest fall
 KEPT = 1e-9  # rad/s or m/s: what a certified answer may be beyond a side of length 1,

@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.controllers.stable_qp import farkas
-from hoap3.tools.verify.controllers.stable_qp.answers import (
+from support.oracles.stable_qp_arrays import farkas
+from support.oracles.stable_qp_arrays.answers import (
     ANSWERED,
     FOLLOWED,
     INFEASIBLE,
     STATIONARY,
     Answers,
 )
-from hoap3.tools.verify.controllers.stable_qp.certificate import CERTIFIED
-from hoap3.tools.verify.controllers.stable_qp.judge import Judge
-from hoap3.tools.verify.controllers.stable_qp.largest import KEPT, SOLVED, Missing
-from hoap3.tools.verify.controllers.stable_qp.problem import Cycle
-from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Stacked
-from hoap3.tools.verify.controllers.stable_qp.slower import with_speeds
+from support.oracles.stable_qp_arrays.certificate import CERTIFIED
+from support.oracles.stable_qp_arrays.judge import Judge
+from support.oracles.stable_qp_arrays.largest import KEPT, SOLVED, Missing
+from support.oracles.stable_qp_arrays.problem import Cycle
+from support.oracles.stable_qp_arrays.scaled import Objective, Stacked
+from support.oracles.stable_qp_arrays.slower import with_speeds
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.controllers.stable_qp.problem import Cycle
+from support.oracles.stable_qp_arrays.problem import Cycle
 
 Array = NDArray[np.float64]
 

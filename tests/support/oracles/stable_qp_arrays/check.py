@@ -22,13 +22,13 @@ from hoap3.remote_controller.problems.oracles.tasks.curve_oracle import CURVES, 
 from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.stable_qp.answers import Answers
-from hoap3.tools.verify.controllers.stable_qp.certificate import check_certificate
-from hoap3.tools.verify.controllers.stable_qp.problem import CHUNK, Cycle, Problems
-from hoap3.tools.verify.controllers.stable_qp.proof import check_proof
-from hoap3.tools.verify.controllers.stable_qp.scaled import Objective
-from hoap3.tools.verify.cycles import cycles_of
 from hoap3.tools.verify.sent_velocity import check_values
+from support.oracles.stable_qp_arrays.answers import Answers
+from support.oracles.stable_qp_arrays.certificate import check_certificate
+from support.oracles.stable_qp_arrays.cycles import cycles_of
+from support.oracles.stable_qp_arrays.problem import CHUNK, Cycle, Problems
+from support.oracles.stable_qp_arrays.proof import check_proof
+from support.oracles.stable_qp_arrays.scaled import Objective
 
 DELAYED = "answers are delayed: where u starts from is not in the log"
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.problems.stable_qp_settings import Settings
-from hoap3.tools.verify.controllers.stable_qp import box, farkas, optimality
-from hoap3.tools.verify.controllers.stable_qp.largest import Missing, missing
-from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Scaled, Stacked
+from support.oracles.stable_qp_arrays import box, farkas, optimality
+from support.oracles.stable_qp_arrays.largest import Missing, missing
+from support.oracles.stable_qp_arrays.scaled import Objective, Scaled, Stacked
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.controllers.stable_qp import farkas
-from hoap3.tools.verify.controllers.stable_qp.problem import Cycle
+from support.oracles.stable_qp_arrays import farkas
+from support.oracles.stable_qp_arrays.problem import Cycle
 
 Array = NDArray[np.float64]
 

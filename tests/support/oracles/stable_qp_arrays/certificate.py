@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from hoap3.protocol.messages import schema
 from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.controllers.stable_qp.answers import ANSWERED, PROVEN, Answers
-from hoap3.tools.verify.controllers.stable_qp.problem import PLACES, Cycle
+from support.oracles.stable_qp_arrays.answers import ANSWERED, PROVEN, Answers
+from support.oracles.stable_qp_arrays.problem import PLACES, Cycle
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
+from support.oracles.stable_qp_arrays.scaled import Scaled
 
 Array = NDArray[np.float64]
 
