@@ -87,7 +87,10 @@ def check_problem(problem: Problem, answer: Array, error: Array) -> list[Finding
 
 def _worst(findings: list[Finding]) -> float:
     """The largest deviation, relative to what is allowed."""
-    return max(each.off / each.allowed if each.allowed else np.inf * each.off for each in findings)
+    return max(
+        0.0 if each.off <= 0.0 else each.off / each.allowed if each.allowed else np.inf
+        for each in findings
+    )
 
 
 def _compared(claim: Claim) -> Finding:
@@ -123,7 +126,7 @@ def _check_closed_form(problem: ClosedForm, answer: Array, error: Array) -> list
 
 def _check_rate(problem: MaximalRate, answer: Array, error: Array) -> list[Finding]:
     """That the rate is the largest one, and that the answer is the best one with that rate."""
-    z, _ = _variables(problem.then, answer, error)
+    z, _ = _variables(problem.then, answer)
     bound = upper_bound(problem.rate, problem.rows)
     best, rate = min(bound.value, problem.wanted), float(problem.rate @ z)
     if np.isfinite(best):
@@ -150,8 +153,8 @@ def _check_gains(problem: GainProgram) -> list[Finding]:
     ]
 
 
-def _variables(problem: Program, answer: Array, error: Array) -> tuple[Array, Array]:
-    """Variables that give the answer, and how exactly they are known, both (N,)."""
+def _variables(problem: Program, answer: Array) -> tuple[Array, Array]:
+    """Variables that give the answer, (N,), and what a change of it makes of them, (N, p)."""
     E, e = problem.E, problem.e
     N = E.shape[1]
     if problem.z is not None:
@@ -165,9 +168,7 @@ def _variables(problem: Program, answer: Array, error: Array) -> tuple[Array, Ar
         d = np.concatenate([answer - e, (problem.rows.lower - problem.rows.a)[equal]])
         K = np.block([[H, C.T], [C, np.zeros((len(C), len(C)))]])
         z = np.linalg.lstsq(K, np.concatenate([-f, d]), rcond=None)[0][:N]
-    if _is_identity(E):
-        return z, error
-    return z, np.abs(np.linalg.pinv(E)) @ error
+    return z, E if _is_identity(E) else np.asarray(np.linalg.pinv(E), float)
 
 
 class _Sides(NamedTuple):
@@ -179,35 +180,29 @@ class _Sides(NamedTuple):
 
 def _check_program(problem: Program, answer: Array, answer_error: Array) -> list[Finding]:
     """That z keeps the rows, and that multipliers show its cost to be the least."""
-    z, z_error = _variables(problem, answer, answer_error)
-    _, away = _variables(problem, answer, problem.error)
+    z, to_z = _variables(problem, answer)
     given = problem.E @ z + problem.e
     size = np.abs(problem.E) @ np.abs(z) + np.abs(problem.e)
     same = _largest("answer", np.abs(given - answer), answer_error + ROUNDING * size)
     rows = problem.rows
     v = rows.A @ z + rows.a
-    near = rows.error + np.abs(rows.A) @ z_error + ROUNDING * (np.abs(rows.A) @ np.abs(z))
+    of_answer = np.abs(rows.A @ to_z)
+    near = rows.error + of_answer @ answer_error + ROUNDING * (np.abs(rows.A) @ np.abs(z))
     over, under = v - rows.upper, rows.lower - v
     beyond = np.where(rows.optional, -np.inf, np.maximum(over, under))
     kept = _largest("rows", beyond, near)
-    if kept.off > 0.0 and rows.names:
-        kept = Finding(f"rows: {rows.names[int(np.argmax(beyond))]}", *_rest(kept))
-    near = near + np.abs(rows.A) @ away  # the optimum may be at a limit where z is not quite
+    near = near + of_answer @ problem.error  # the optimum may be at a limit where z is not quite
     upper, lower = np.abs(over) <= near, np.abs(under) <= near
     sides = _Sides(
         np.vstack([rows.A[upper], -rows.A[lower]]),
         np.concatenate([rows.A_error[upper], rows.A_error[lower]]),
     )
-    off, allowed = _stationarity(problem, z, z_error, away, sides)
+    off, allowed = _stationarity(problem, z, to_z, answer_error, sides)
     return [same, kept, _largest("optimum", off, allowed)]
 
 
-def _rest(finding: Finding) -> tuple[float, float, float, float]:
-    return finding.stated, finding.found, finding.off, finding.allowed
-
-
 def _stationarity(
-    problem: Program, z: Array, z_error: Array, away: Array, sides: _Sides
+    problem: Program, z: Array, to_z: Array, answer_error: Array, sides: _Sides
 ) -> tuple[Array, Array]:
     """How far z is from the optimum for the best multipliers, in the answer's unit.
 
@@ -216,8 +211,9 @@ def _stationarity(
 
     Args:
         problem: whose z it is.
-        z, z_error: (N,), and how exactly they are known.
-        away: (N,), how far they may be from the optimum.
+        z: (N,).
+        to_z: (N, p), what a change of the answer makes of z.
+        answer_error: (p,), how exactly the answer is known.
         sides: the limits that may hold z.
 
     Returns:
@@ -225,8 +221,8 @@ def _stationarity(
     """
     R, l1, normals = problem.R, problem.l1, sides.normals
     H = R.T @ R
-    D = _to_answer(H, problem.E)
-    still = (np.abs(z) <= z_error + away) & (l1 > 0.0)
+    D, away = _to_answer(H, problem.E), np.abs(to_z) @ problem.error
+    still = (np.abs(z) <= np.abs(to_z) @ answer_error + away) & (l1 > 0.0)
     smooth = H @ z - R.T @ problem.r + problem.c + np.where(still, 0.0, l1 * np.sign(z))
     sizes = np.abs(H) @ np.abs(z) + np.abs(R).T @ np.abs(problem.r) + np.abs(problem.c) + l1
     most = away if _is_identity(problem.E) else np.concatenate([problem.error, away])
@@ -237,7 +233,7 @@ def _stationarity(
         held = multipliers(D, smooth, normals, np.diag(l1)[still])
         pull = smooth + normals.T @ held
         pull[still] = np.sign(pull[still]) * np.maximum(np.abs(pull[still]) - l1[still], 0.0)
-        doubt = ROUNDING * (sizes + np.abs(normals).T @ held) + np.abs(H) @ z_error
+        doubt = ROUNDING * (sizes + np.abs(normals).T @ held) + np.abs(H @ to_z) @ answer_error
         off, allowed = np.abs(D @ pull), most + np.abs(D) @ (doubt + sides.A_error @ held)
         if (off <= allowed).all() or not still.any():
             break
@@ -319,7 +315,7 @@ def upper_bound(g: Array, rows: Rows) -> Bound:
     """What g·z, g (N,), does not exceed within rows: weak duality (Farkas' lemma).
 
     For any multipliers λ ≥ 0 with Aᵀλ = g, g·z ≤ λ·limits. They come from scipy's linprog; what
-    they leave of g is paid for at the limits of single variables, or at the largest entry found.
+    they leave of g counts with the largest entry of the z that was found.
     """
     equal = rows.lower == rows.upper
     up, down = np.isfinite(rows.upper) & ~equal, np.isfinite(rows.lower) & ~equal
@@ -336,7 +332,10 @@ def upper_bound(g: Array, rows: Rows) -> Bound:
 
 
 def infeasibility(rows: Rows, kept: Rows | None = None) -> float:
-    """By how much every z breaks some row, at the least; 0 or less: there is one that keeps all.
+    """By how much every z breaks some row, at the least, by the multipliers of a linear program.
+
+    0 or less: there may be a z that keeps all. For any λ ≥ 0 with Σλ = 1 and Aᵀλ = 0, some row is
+    broken by −λ·limits or more.
 
     Args:
         rows: of which some are broken.
@@ -354,4 +353,10 @@ def infeasibility(rows: Rows, kept: Rows | None = None) -> float:
     cost = np.append(np.zeros(rows.A.shape[1]), 1.0)
     free: list[tuple[float | None, float | None]] = [(None, None)] * rows.A.shape[1]
     found = linprog(cost, A, b, bounds=[*free, (-1.0, None)], method="highs", options=CLOSE)
-    return float(found.fun) if found.status == 0 else np.inf
+    if found.status:
+        return np.inf if found.status == INFEASIBLE else np.nan  # nan: nothing is proved
+    held = np.maximum(-found.ineqlin.marginals, 0.0)
+    share = float(-(held @ A[:, -1]))  # 1, but for rounding and where t is at its end
+    held = held / max(share, 1.0)
+    rest = float(np.abs(held @ A[:, :-1]).sum()) * (1.0 + float(np.abs(found.x).max()))
+    return float(-(held @ b) - max(1.0 - share, 0.0) - rest)

@@ -39,7 +39,7 @@ class History:
         description, session: as given.
         messages: of live targets.
         state: the newest State, as a row of its structured array; None before the first.
-        last: the State before it.
+        last: the finite State before it.
         before: the newest State of an earlier period since the last reset; None where there is
             none.
         answer, last_answer: the answers to `state` and `last`, as rows; None where there is none.
@@ -49,7 +49,7 @@ class History:
         known: whether the log has everything since the last reset.
         conditions: texts of those that hold.
         changes: requests to change parameters, with the count of States before each.
-        states: how many States there were.
+        states, rejected: how many States there were, and how many of other layouts.
         needed: fields of a State without which a cycle cannot be repeated.
     """
 
@@ -65,9 +65,9 @@ class History:
         self.fresh, self.known, self.was_reset = False, False, False
         self.conditions: set[str] = set()
         self.changes: list[tuple[int, dict[str, Any]]] = []
-        self.states, self.strange = 0, 0
+        self.states, self.rejected = 0, 0
         self.needed: tuple[str, ...] = FINITE
-        self._gap = False
+        self._gap = self._skips_answers = False
         self._layouts: dict[tuple[type[Message], tuple[int, ...]], np.dtype[Any]] = {}
 
     @property
@@ -91,30 +91,39 @@ class History:
             lengths = tuple(message.schema.lengths_in(payload).values())
         except WireError:
             return None
+        sizes = dict(zip(message.schema.arrays, lengths, strict=True))
+        if sizes["q" if message is State else "values"] != self.description.n:
+            return None
+        if message is Setpoint and sizes["extra"] != len(self.session.get("extra") or ()):
+            return None
         dtype = self._layouts.get((message, lengths))
         if dtype is None:
-            dtype = message.schema.dtype(dict(zip(message.schema.arrays, lengths, strict=True)))
+            dtype = message.schema.dtype(sizes)
             self._layouts[message, lengths] = dtype
         return np.frombuffer(payload, dtype)[0]
 
     def take_state(self, state: Any) -> None:
         """Make a State the newest one."""
         self.states += 1
-        self.last = last = self.state
-        self.last_answer, self.answer = self.answer, None
-        if last is not None and is_finite(last, *self.needed) and self.first is not None:
-            self.before = last if self._advances(last, state) else self.before
+        last = self.state
+        if last is not None and self.finite:
+            self.last, self.last_answer = last, self.answer
+            if self.first is not None and self.periods_between(last, state) > 0:
+                self.before = last
+        self.answer, self._skips_answers = None, False
         self.state, self.fresh, self.was_reset, self._gap = state, False, False, False
         if self.first is None and self.finite:
             self.first, self.fresh = state, True
 
-    def _advances(self, last: Any, state: Any) -> bool:
-        return self.periods_between(last, state) > 0
+    def reject_state(self) -> None:
+        """Count a State that is none of this robot's; what follows is no answer to a known one."""
+        self.rejected += 1
+        self.answer, self._skips_answers = None, True
 
     def take(self, kind: Kind, payload: bytes) -> None:
         """Fold any other record."""
         if kind == Kind.SETPOINT:
-            self.answer = self.parse(Setpoint, payload)
+            self.answer = None if self._skips_answers else self.parse(Setpoint, payload)
         elif kind == Kind.EVENT:
             self._take_event(*Event.scalars(payload, "kind", "detail"))
         elif kind == Kind.TARGET:
@@ -122,7 +131,9 @@ class History:
         elif kind == Kind.CHANGE:
             self.changes.append((self.states, json.loads(payload)))
         elif kind == Kind.GAP:
-            self._gap, self.known, self.first, self.before = True, False, None, None
+            self._gap, self.known, self._skips_answers = True, False, True
+            self.first = self.before = self.last = self.last_answer = self.answer = None
+            self.conditions.clear()
 
     def _take_event(self, event: int, detail: int) -> None:
         if event == EVENTS["RESET"] and not self._gap:
@@ -202,8 +213,8 @@ class ProblemBuilder(ABC):
         if kind == Kind.STATE:
             self._close()
             state = self.history.parse(State, payload)
-            if state is None or state["q"].size != self.history.description.n:
-                self.history.strange += 1
+            if state is None:
+                self.history.reject_state()
                 return
             self.history.take_state(state)
             self._open = True

@@ -182,7 +182,7 @@ class StableQpProblems(ProblemBuilder):
         if self._unknown:
             return cycle.statement(claims, (), unverified)
         claims += [*cycle.claims_of_margin(), *cycle.claims_of_optimum()]
-        return cycle.statement(claims, cycle.problems())
+        return cycle.statement(claims, cycle.problems(), cycle.unverified())
 
     @property
     def _delayed(self) -> bool:
@@ -247,13 +247,12 @@ class _Cycle:
         self._settings, self._objective = builder._settings, builder._objective
         self._answer, self.u, self.u_error = answer, answer.u, answer.error
         self.psi_stated, self.drift_stated, status = setpoint["extra"][builder._columns]
-        self.status = int(status) if np.isfinite(status) else -1
+        self.status = int(status) if float(status).is_integer() else -1
         self.verdict = int(setpoint["solver_status"])
         self.answered, self.certified = self.status in ANSWERED, self.verdict == CERTIFIED
         self.kept = KEPT if self.certified else SOLVED
         self.equality = self._settings.rest["lyapunov"] == "equality"
         self.descent = self._descent()
-        self.u_known = builder.history.description.delay_ticks == 0
         self.rejected = False
         self._lower, self._upper = builder._bounds.lower[-1], builder._bounds.upper[-1]
         self._limits = self._rows_of_constraints()
@@ -312,6 +311,7 @@ class _Cycle:
             ]
         if self.verdict == AT_TARGET:
             claims.append(Claim("at target: psi", d.psi, 0.0, 0.0))
+            claims.append(Claim("at target: drift", d.drift, 0.0, d.drift_error))
             fastest, exact = float(np.abs(self.u).max()), float(self.u_error.max())
             claims.append(Claim("at target: u", fastest, 0.0, exact))
         return claims
@@ -354,6 +354,11 @@ class _Cycle:
                 near += float(self.u_error.max() / size[1])
             most = math.sqrt(self.u.size) * float(stated)
             claims.append(Claim("optimum", gap, most, near, "at_most"))
+            claims.append(Claim("largest rate", self._setpoint["rho"], 1.0, RELATIVE, "at_least"))
+        if self.status == ZERO_GRADIENT:
+            steepest = float(np.abs(self.descent.gradient).max())
+            exact = float(self.descent.gradient_error.max())
+            claims.append(Claim("zero gradient", steepest, 0.0, exact))
         if self.status == STATIONARY:
             fastest, exact = float(np.abs(self.u).max()), float(self.u_error.max())
             claims.append(Claim("stationary: u", fastest, 0.0, exact))
@@ -362,16 +367,35 @@ class _Cycle:
             claims.append(Claim("infeasible", broken, 0.0, SOLVED, "at_least"))
         return claims
 
+    @property
+    def _unproved(self) -> bool:
+        """Whether the controller states no proof of its answer: an infinite residual."""
+        return not np.isfinite(self._setpoint["kkt_residual"])
+
+    def unverified(self) -> tuple[tuple[str, str], ...]:
+        """What neither claims nor problems can show of this answer, and why."""
+        reasons = []
+        if self.answered and self._unproved:
+            reasons.append(("optimum", "the controller states no proof"))
+        if self.status not in {*FOLLOWED, INFEASIBLE}:
+            reasons.append(("no answer", "that a solver finds none is not recomputed"))
+        if self.status not in FOLLOWED and self._last() is None:
+            reasons.append(("brake", "the answer before is not in the log"))
+        return tuple(reasons)
+
     def problems(self) -> list[Any]:
         """What the answer solves, by its status; several where the status allows several."""
         if self.status not in FOLLOWED:
-            return [self._brake]
+            return [] if self._last() is None else [self._brake]
         if self.status == STATIONARY:
             return [partial(self._largest_fall, wanted=np.inf)]
-        if not self.answered:
+        if self.status == ZERO_GRADIENT:
+            still = ClosedForm((np.zeros(self.u.size),), np.zeros(self.u.size))
+            return [lambda: still, partial(self._program, rate=False)]
+        if self._objective.alone or self._unproved:
             return []
-        if self._objective.alone:
-            return []  # see the claims
+        if not self.equality and self.status == CANNOT_DESCEND:
+            return [partial(self._largest_fall, wanted=self.descent.drift)]
         if not (self.equality and float(self._setpoint["rho"]) < 1.0 - RELATIVE):
             return [self._program]
         largest = partial(self._largest_fall, wanted=self.descent.psi + self.descent.drift)
@@ -488,11 +512,11 @@ class _Cycle:
         left = min(max(speed, least + spared), most - spared)
         return left, (1.0 + 2.0 * SPARED) * max(slowest.pull, fastest.pull)
 
-    def _rate_row(self) -> Rows:
-        """V's rate as an equation with what the answer has; or V̇ ≤ 0."""
+    def _rate_row(self, *, fixed: bool) -> Rows:
+        """V's rate as an equation with what the answer has, where it is `fixed`; or V̇ ≤ 0."""
         d = self.descent
         row, doubt = d.gradient[None], float(d.gradient_error.max())
-        if self.equality:
+        if fixed:
             rate = float(d.gradient @ self.u)
             near = SUMMED * float(np.abs(d.gradient) @ np.abs(self.u))
             return Rows.of(row, rate, rate, A_error=doubt, error=near)
@@ -500,16 +524,27 @@ class _Cycle:
         near += self.kept * float(np.linalg.norm(d.gradient))
         return Rows.of(row, -np.inf, -d.drift, A_error=doubt, error=near)
 
-    def _program(self, price: float | None = None) -> Program:
-        """Min Φ within all rows; V's rate as it is, or at a price of a faster fall."""
+    def _program(
+        self, price: float | None = None, *, rate: bool = True, fixed: bool | None = None
+    ) -> Program:
+        """Min Φ within all rows, with a row for V's rate or a price of a faster fall.
+
+        Args:
+            price: of the fall of V, in units of the scaled Φ; None: V's rate has a row.
+            rate: whether it has one.
+            fixed: whether V's rate is that of the answer; by default where V̇ is given.
+        """
         d, objective = self.descent, self._objective
-        if price is None:
-            rows, cost = self._all_rows(self._rate_row()), np.zeros(self.u.size)
-            cost_error = np.zeros(self.u.size)
-        else:
+        cost, cost_error = np.zeros(self.u.size), np.zeros(self.u.size)
+        if price is not None:
             pull = price / max(self._steepest, TINY)
             rows, cost = self._all_rows(), pull * d.gradient
             cost_error = abs(pull) * d.gradient_error / objective.weights**2
+        elif rate:
+            row = self._rate_row(fixed=self.equality if fixed is None else fixed)
+            rows = self._all_rows(row)
+        else:
+            rows = self._all_rows()
         program = objective.program(self.u, self._gamma, rows, cost, self._squares)
         residual = math.sqrt(self.u.size) * float(self._setpoint["kkt_residual"]) + OPTIMAL
         scale = objective.scale(self.u, self._lower, self._upper, self._gamma)
@@ -532,7 +567,7 @@ class _Cycle:
         error = float(np.abs(d.gradient) @ self.u_error)
         error += 2.0 * span * float(d.gradient_error.sum()) + self.kept * self._steepest
         rows = self._all_rows()
-        return MaximalRate(-d.gradient, wanted, rows, RETREATS, error, self._program())
+        return MaximalRate(-d.gradient, wanted, rows, RETREATS, error, self._program(fixed=True))
 
     @property
     def _steepest(self) -> float:
@@ -551,29 +586,33 @@ class _Cycle:
     def _brake(self) -> Problem:
         """All joints brake in a straight line, within their bounds."""
         robot = self._builder.history.description
-        last, last_error = self._last()
+        last, last_error = self._last() or (np.zeros(self.u.size), np.zeros(self.u.size))
         periods = float(np.max(np.abs(last) / (robot.brake_acceleration * robot.period_s)))
         share = 1.0 - 1.0 / periods if periods > 1.0 else 0.0
         u = np.clip(share * last, self._lower, self._upper)
         return ClosedForm((u,), last_error + RELATIVE * np.abs(u))
 
-    def _last(self) -> tuple[Array, Array]:
-        """U of the answer before and its error, (n,); 0 where there is none since the reset."""
-        history = self._builder.history
-        setpoint, zero = history.last_answer, np.zeros(self.u.size)
-        if history.fresh or setpoint is None or not is_finite(setpoint, "values"):
+    def _last(self) -> tuple[Array, Array] | None:
+        """U of the answer before and its error, (n,); 0 after a reset, None where it is lost."""
+        history, zero = self._builder.history, np.zeros(self.u.size)
+        if history.fresh:
             return zero, zero
+        setpoint = history.last_answer
+        if setpoint is None or not is_finite(setpoint, "values"):
+            return None
         T = history.description.period_s
         last = VelocityAnswer.of(history.last, setpoint, self._settings.rest, T)
         return last.u, last.error
 
     def _begins_to_brake(self) -> bool:
         """Whether the answer before was followed, or the robot was at rest."""
-        history = self._builder.history
-        if history.fresh or history.last_answer is None:
+        history, last = self._builder.history, self._last()
+        if history.fresh:
             return True
+        if last is None or history.last_answer is None:
+            return False
         status = history.last_answer["extra"][self._builder._columns[2]]
-        return status in FOLLOWED or not self._last()[0].any()
+        return status in FOLLOWED or not last[0].any()
 
 
 def _slow_returns(A: Array, b: Array, lower: Array, upper: Array) -> Array:

@@ -101,7 +101,7 @@ class Objective:
             none,
             np.append(cost, kappa),
             np.zeros(n + 1),
-            Rows.stacked([replace(wide, names=()), near]),
+            Rows.stacked([wide, near]),
             np.hstack([eye, np.zeros((n, 1))]),
             none,
             zero,

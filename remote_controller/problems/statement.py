@@ -27,7 +27,6 @@ class Rows:
         error: (s,), how far a row may be beyond its limit, from rounding or by the certificate.
         A_error: (s,), rounding error of each entry of a row of A.
         optional: (s,), rows that may hold the answer, but that it need not keep.
-        names: (s,), for findings; empty: the rows' numbers.
     """
 
     A: Array
@@ -37,7 +36,6 @@ class Rows:
     error: Array
     A_error: Array
     optional: Flags
-    names: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -49,7 +47,6 @@ class Rows:
         error: Array | float = 0.0,
         A_error: Array | float = 0.0,
         optional: Flags | bool = False,
-        names: tuple[str, ...] = (),
     ) -> Rows:
         """Rows without an offset; numbers stand for all rows."""
         count = len(A)
@@ -59,7 +56,7 @@ class Rows:
 
         flags = optional if isinstance(optional, np.ndarray) else np.full(count, optional)
         limits = each(lower), each(upper), each(error), each(A_error)
-        return cls(A, np.zeros(count), *limits, flags, names)
+        return cls(A, np.zeros(count), *limits, flags)
 
     @classmethod
     def stacked(cls, parts: Sequence[Rows]) -> Rows:
@@ -71,7 +68,6 @@ class Rows:
         def joined(name: str) -> Any:
             return np.concatenate([getattr(part, name) for part in parts])
 
-        named = all(len(part.names) == len(part.a) for part in parts)
         return cls(
             joined("A"),
             joined("a"),
@@ -80,7 +76,6 @@ class Rows:
             joined("error"),
             joined("A_error"),
             joined("optional"),
-            tuple(name for part in parts for name in part.names) if named else (),
         )
 
 

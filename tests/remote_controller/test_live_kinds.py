@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.checked_answers import check_answers
 
 import hoap3
 from hoap3.protocol.errors import ConfigError
@@ -20,9 +21,6 @@ from hoap3.robot_emulator.service import describe
 from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.configs import load_controller_config, load_emulator_config
 from hoap3.tools.services.simulate import Simulation
-from hoap3.tools.verify.checkers import checker_of
-from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.controller_log import runs
 
 T = 1e-3
 EVERY, STEP = 80, 30  # ticks: chunks are met before their end
@@ -216,11 +214,7 @@ def steered(case: str, seconds: float) -> tuple[Simulation, dict[str, Any], Cont
 
 def verified(records: list[Record], law: Mapping[str, Any]) -> dict[str, Any]:
     """What is recomputed of the answers."""
-    (logged,), claims = list(runs(records)), Claims()
-    checker = checker_of(law["controller"])
-    assert checker is not None
-    checker(logged, law["parameters"], claims)
-    return claims.as_json()
+    return check_answers(records, law["controller"], law["parameters"]).as_json()
 
 
 def changed(records: list[Record], which: int, size: float) -> list[Record]:

@@ -102,11 +102,17 @@ class ControllerRun:
     def during(self, begin: str) -> NDArray[np.bool_]:
         """For each answer whether a condition with such a begin held, as logged, (N,)."""
         names = self.session.get("conditions") or ()
-        changes = np.zeros(len(self.states) + 1, np.int64)
-        for place, number, began in self.conditions:
-            if number < len(names) and str(names[number]).startswith(begin):
-                changes[place] += 1 if began else -1
-        return np.cumsum(changes)[self.answered] > 0
+        held, found, start = set[int](), np.zeros(len(self.states), bool), 0
+        ends = ((gap, -1, False) for gap in self.gaps)  # where nobody knows what holds
+        for place, number, began in sorted([*self.conditions, *ends], key=lambda each: each[0]):
+            found[start:place] = bool(held)
+            start = place
+            if number < 0:
+                held.clear()
+            elif number < len(names) and str(names[number]).startswith(begin):
+                (held.add if began else held.discard)(number)
+        found[start:] = bool(held)
+        return np.asarray(found[self.answered])
 
     def settings(
         self, parameters: Mapping[str, Any]

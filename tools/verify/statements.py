@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.protocol.errors import FrameNotFoundError, UsageError
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.singularity import LEAVING
@@ -57,33 +57,33 @@ def check_statements(
     """
     chance = random.Random(seed)
     gathered: dict[str, list[tuple[int, Finding]]] = {}
-    answers = left_out = missing = 0
-    for kind, _, payload in records:
-        builder.feed(kind, payload)
-        if kind != Kind.SETPOINT:
-            continue
-        if any(each.startswith(LEAVING) for each in builder.history.conditions):
-            continue  # these answers claim nothing; see `leaving`
-        answers += 1
-        if answers % PART == 0:
-            say(f"problems of {claims.answers + answers} answers")
-            _count(gathered, claims)
-        if share < 1.0 and chance.random() >= share:
-            left_out += 1
-            continue
-        statement = builder.problem()
-        if statement is None:
-            missing += 1
-            continue
-        for name, reason in statement.unverified:
-            claims.unverified(name, 1, reason)
-        tick = int(builder.history.state["tick"])
-        for finding in check(statement):
-            gathered.setdefault(finding.name, []).append((tick, finding))
-    _count(gathered, claims)
-    claims.unverified("certificate", missing, MISSING)
-    claims.answers += answers
-    claims.left_out += left_out
+    missing = 0
+    try:
+        for kind, _, payload in records:
+            builder.feed(kind, payload)
+            if kind != Kind.SETPOINT:
+                continue
+            if any(each.startswith(LEAVING) for each in builder.history.conditions):
+                continue  # these answers claim nothing; see `leaving`
+            claims.answers += 1
+            if claims.answers % PART == 0:
+                say(f"problems of {claims.answers} answers")
+                _count(gathered, claims)
+            if share < 1.0 and chance.random() >= share:
+                claims.left_out += 1
+                continue
+            statement = builder.problem()
+            if statement is None:
+                missing += 1
+                continue
+            for name, reason in statement.unverified:
+                claims.unverified(name, 1, reason)
+            tick = int(builder.history.state["tick"])
+            for finding in check(statement):
+                gathered.setdefault(finding.name, []).append((tick, finding))
+    finally:
+        _count(gathered, claims)
+        claims.unverified("certificate", missing, MISSING)
 
 
 def check_engagements(
@@ -113,11 +113,12 @@ def check_engagements(
         most = SAMPLE
     share = 1.0 if most is None else min(1.0, most / max(answers, 1))
     description: RobotDescription | None = None
-    reader = iter(records)
+    reader, lost = iter(records), 0
     record = next(reader, None)
     while record is not None:
         if record.kind == Kind.DESCRIPTION:
             description = RobotDescription.from_json(record.payload)
+        lost += record.kind == Kind.SETPOINT
         if record.kind != Kind.SESSION or description is None or kind is None:
             record = next(reader, None)
             continue
@@ -126,24 +127,34 @@ def check_engagements(
             session = json.loads(record.payload)
             builder = kind(description, parameters, session, controller)
             check_statements(engagement, builder, claims, share=share, say=say)
-        except (UnverifiableError, FrameNotFoundError) as error:
-            answers = sum(each.kind == Kind.SETPOINT for each in engagement)
-            claims.unverified("certificate", answers, f"{error!s:.120}")
+        except (UnverifiableError, FrameNotFoundError, UsageError) as error:
+            rest = sum(each.kind == Kind.SETPOINT for each in engagement)
+            claims.unverified("certificate", rest + 1, f"{error!s:.120}")
+        description = engagement.description or description
         record = engagement.following
+    claims.unverified("certificate", lost, "there is no description or session before it")
 
 
 class _Engagement:
-    """Records up to the next description or session, which it keeps as `following`."""
+    """Records up to the next session.
+
+    Attributes:
+        following: the session that comes next.
+        description: of the robot of what follows, where there is one.
+    """
 
     def __init__(self, reader: Iterator[Record]) -> None:
         self._reader = reader
         self.following: Record | None = None
+        self.description: RobotDescription | None = None
 
     def __iter__(self) -> Iterator[Record]:
         for record in self._reader:
-            if record.kind in {Kind.DESCRIPTION, Kind.SESSION}:
+            if record.kind == Kind.SESSION:
                 self.following = record
                 return
+            if record.kind == Kind.DESCRIPTION:
+                self.description = RobotDescription.from_json(record.payload)
             yield record
 
 

@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driven import driven
+from driven import driven, recorded
+from support.checked_answers import check_answers
 
 from hoap3.protocol.config.settings import parse
 from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds as kernel
@@ -271,7 +272,7 @@ def test_another_unit_or_slope_is_found(centimetres, change, claim):
 
 
 def test_the_slope_of_stable_qp_is_used():
-    run, parameters = driven("stable_qp", "hoap3", 80, objective=SLOPED, psi={"form": "one"})
-    assert false_claims("stable_qp", run, parameters) == set()
-    other = {**parameters, "objective": {**SLOPED, "gamma_slope": 10.0}}
-    assert "residual" in false_claims("stable_qp", run, other)
+    records, given = recorded("stable_qp", "hoap3", 80, objective=SLOPED, psi={"form": "one"})
+    assert check_answers(records, "stable_qp", given).by_tick() == []
+    other = {**given, "objective": {**SLOPED, "gamma_slope": 10.0}}
+    assert check_answers(records, "stable_qp", other).counts["optimum"].false
