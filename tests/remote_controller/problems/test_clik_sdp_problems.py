@@ -31,7 +31,7 @@ from hoap3.tools.verify.statements import check_statements
 sys.path.append(str(Path(__file__).parents[2] / "tools" / "verify"))
 from driven import recorded
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 RUNS: dict[str, tuple[str, str, str | None]] = {
     "clik_sdp": ("clik_sdp", "ur5", None),

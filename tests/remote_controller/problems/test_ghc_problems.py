@@ -26,7 +26,7 @@ from hoap3.tools.verify.statements import check_statements
 sys.path.append(str(Path(__file__).parent))
 from driven_motion import recorded_motion
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 Records = tuple[list[Record], dict[str, Any]]
 TICKS = 300
