@@ -30,7 +30,7 @@ ROUNDING = 64.0 * float(np.finfo(float).eps)
 """Of a sum of some ten products, relative to the sizes of its terms."""
 STEPS = 100  # of non-negative least squares, for each unknown
 CLOSE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-INFEASIBLE = 2  # scipy's word
+INFEASIBLE = 2  # status of scipy's linprog
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,7 @@ class Bound(NamedTuple):
 
     Attributes:
         value: inf: nothing is proved, or there is no end; −inf: nothing keeps the rows.
-        pull: by how much more it is for rows that give way by 1: the sum of all multipliers.
+        pull: its change if all limits are relaxed by 1: the sum of all multipliers.
     """
 
     value: float

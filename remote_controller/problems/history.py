@@ -45,7 +45,7 @@ class History:
         answer, last_answer: the answers to `state` and `last`, as rows; None where there is none.
         first: the first finite State since the last reset.
         fresh: whether `state` is `first`.
-        was_reset: whether the controller began anew with `state`.
+        was_reset: whether the controller was reset at `state`.
         known: whether the log has everything since the last reset.
         conditions: texts of those that hold.
         changes: requests to change parameters, with the count of States before each.
@@ -235,10 +235,11 @@ class ProblemBuilder(ABC):
         history, setpoint = self.history, self.history.answer
         if setpoint is None or not (history.known and history.finite):
             return None
-        return self.state_problem(setpoint) if is_finite(setpoint, "values") else None
+        finite = is_finite(setpoint, "values", "decision")
+        return self.state_problem(setpoint) if finite else None
 
     def _close(self, *, asked: bool = False) -> None:
-        """Fold the newest State, once it is known whether the controller began anew with it."""
+        """Process the newest State, once it is known whether the controller was reset at it."""
         history, waiting = self.history, self._open
         self._open = False
         if waiting and self._in_force is not None:

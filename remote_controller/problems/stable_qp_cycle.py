@@ -130,7 +130,7 @@ class Cycle:
         return Statement(branch, tuple(problems), self.u, self.u_error, tuple(claims), unverified)
 
     def claims_of_v(self) -> list[Claim]:
-        """V, Ψ and ∂V/∂t, and that there is an answer where the status says so."""
+        """V, Ψ and ∂V/∂t, and that the status agrees with whether there is an answer."""
         d, stated = self.descent, self._setpoint
         share = float(stated["rho"]) if self.answered and self.equality else 0.0
         near = abs(share) * (d.psi_error + RELATIVE * d.psi)
@@ -354,7 +354,7 @@ class Cycle:
     def _speed_left(self, row: Array, speed: float) -> tuple[float, float]:
         """The speed next to ζ of those that the constraints leave, less some at an end.
 
-        And by how much it changes, in units of the row, where limits give way by 1.
+        And by how much it changes, in units of the row, if limits are relaxed by 1.
         """
         size = float(np.linalg.norm(row)) or 1.0
         bounds = Rows.of(np.eye(self.u.size), self._lower, self._upper)
@@ -449,12 +449,12 @@ class Cycle:
         return ClosedForm((u,), last_error + RELATIVE * np.abs(u))
 
     def _last(self) -> tuple[Array, Array] | None:
-        """U of the answer before and its error, (n,); 0 after a reset, None where it is lost."""
+        """Return u of the last answer and its error, (n,); 0 after a reset, None if it is lost."""
         history, zero = self._builder.history, np.zeros(self.u.size)
         if history.fresh:
             return zero, zero
         setpoint = history.last_answer
-        if setpoint is None or not is_finite(setpoint, "values"):
+        if setpoint is None or not is_finite(setpoint, "values", "decision"):
             return None
         T = history.description.period_s
         last = VelocityAnswer.of(history.last, setpoint, self._settings.rest, T)

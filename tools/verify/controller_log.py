@@ -103,7 +103,7 @@ class ControllerRun:
         """For each answer whether a condition with such a begin held, as logged, (N,)."""
         names = self.session.get("conditions") or ()
         held, found, start = set[int](), np.zeros(len(self.states), bool), 0
-        ends = ((gap, -1, False) for gap in self.gaps)  # where nobody knows what holds
+        ends = ((gap, -1, False) for gap in self.gaps)  # conditions are unknown there
         for place, number, began in sorted([*self.conditions, *ends], key=lambda each: each[0]):
             found[start:place] = bool(held)
             start = place

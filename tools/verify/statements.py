@@ -22,13 +22,13 @@ from hoap3.tools.verify.claims import Claims
 BUILDERS = {"stable_qp": "hoap3.remote_controller.problems.stable_qp:StableQpProblems"}
 """Controllers whose answers are checked by their problems; others have a checker of their own."""
 SAMPLE = 20_000
-"""Answers that are checked where each takes milliseconds and nobody asks for all of them."""
+"""Answers that are checked by default where each takes several milliseconds."""
 MISSING = "not finite, or the log lacks when the controller began"
 PART = 5000  # answers whose findings are counted together
 
 
 def builder_of(controller: str) -> type[ProblemBuilder] | None:
-    """What states the problems of a controller; None where nobody here knows it."""
+    """The builder of a controller's problems; None where there is none."""
     if controller not in BUILDERS:
         return None
     module, name = BUILDERS[controller].split(":")
@@ -122,14 +122,15 @@ def check_engagements(
         if record.kind != Kind.SESSION or description is None or kind is None:
             record = next(reader, None)
             continue
-        engagement = _Engagement(reader)
+        engagement, failed_at = _Engagement(reader), 0
         try:
             session = json.loads(record.payload)
             builder = kind(description, parameters, session, controller)
+            failed_at = 1  # from here on, an error is raised at an answer that was read
             check_statements(engagement, builder, claims, share=share, say=say)
         except (UnverifiableError, FrameNotFoundError, UsageError) as error:
             rest = sum(each.kind == Kind.SETPOINT for each in engagement)
-            claims.unverified("certificate", rest + 1, f"{error!s:.120}")
+            claims.unverified("certificate", rest + failed_at, f"{error!s:.120}")
         description = engagement.description or description
         record = engagement.following
     claims.unverified("certificate", lost, "there is no description or session before it")

@@ -133,3 +133,17 @@ def test_no_finding_in_a_long_run(name):
     cycles = found.counts["V"].checked
     print(f"{name}: {1e3 * (time.process_time() - begin) / cycles:.2f} ms a cycle, {cycles} cycles")
     assert found.by_tick() == []
+
+
+def test_a_velocity_that_is_not_a_number_is_not_verified():
+    records, parameters = run("slow joints", 40)
+    place = [i for i, record in enumerate(records) if record.kind == Kind.SETPOINT][20]
+    setpoint = Setpoint.like(records[place].payload)
+    setpoint.load(records[place].payload)
+    setpoint.decision[3] = np.nan
+    records[place] = records[place]._replace(payload=setpoint.dump())
+
+    found = checked(records, parameters)
+
+    assert found.by_tick() == []
+    assert found.unverifiable == 1

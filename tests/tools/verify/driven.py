@@ -77,7 +77,7 @@ def recorded(
         ticks: how many States.
         changes, targets: requests, and messages of live targets, by the tick before they come.
         seed, lost, unseen, noise: of answers and of States, shares; and of what is measured [rad].
-        pauses: ticks at which the robot follows nobody.
+        pauses: ticks at which the robot is idle.
         parameters: in place of those of the config.
     """
     random, description = np.random.default_rng(seed), load(robot)
