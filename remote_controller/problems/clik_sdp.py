@@ -23,6 +23,7 @@ from hoap3.remote_controller.problems.velocity import (
     VelocityProblems,
     claim,
     claim_each,
+    of_rows,
 )
 from hoap3.remote_controller.problems.velocity_answer import RELATIVE
 from hoap3.remote_controller.solvers.clik.clik_reference import RANK, certified, prioritised
@@ -189,7 +190,7 @@ class _ClikProblems(VelocityProblems):
     def adopt(self, parameters: Mapping[str, Any]) -> None:
         """Take weights as well."""
         super().adopt(parameters)
-        self.weights = self.of_rows("weight", WEIGHT)
+        self.weights = of_rows(self.entries, self.sizes, "weight", WEIGHT)
 
     def figures(self) -> list[str]:
         """Of the certificate, and gains of each row."""
@@ -405,7 +406,7 @@ class ClikProblems(_ClikProblems):
     def adopt(self, parameters: Mapping[str, Any]) -> None:
         """Take gains as well."""
         super().adopt(parameters)
-        self.wanted = self.of_rows("gain_per_s", GAIN_PER_S)
+        self.wanted = of_rows(self.entries, self.sizes, "gain_per_s", GAIN_PER_S)
 
     def used_gains(self, stated: Array | None, parts: tuple[Cycle, Law, Motion]) -> Array | None:
         """Recomputed, whatever is logged."""

@@ -89,6 +89,20 @@ def settings_of(given: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[s
     return settings
 
 
+def of_rows(
+    entries: Sequence[Mapping[str, Any]], sizes: Sequence[int], key: str, usual: float
+) -> Array:
+    """A positive number of each task, for each of its rows, (m,).
+
+    Raises:
+        UnverifiableError: it is none.
+    """
+    numbers = [entry.get(key, usual) for entry in entries]
+    if not all(is_number(number) and number > 0.0 for number in numbers):
+        raise UnverifiableError(f"{key} of a task is none")
+    return np.repeat(np.array(numbers, float), sizes)
+
+
 def limits_of(robot: RobotDescription, given: Mapping[str, Any]) -> Array:
     """Ends of the range, greatest speed and acceleration, (4, n), none beyond the robot's.
 
@@ -110,7 +124,7 @@ def limits_of(robot: RobotDescription, given: Mapping[str, Any]) -> Array:
 
 
 def velocity_bounds(q: Array, v: Array, limits: Array, T: float) -> tuple[Array, Array]:
-    """Least and greatest next velocity at positions q and velocities v, all (n,)."""
+    """Least and greatest next velocity at positions q and velocities v, all (n,) or (N, n)."""
     lower, upper, speed, A = limits
     most, least = np.clip(v + A * T, -speed, speed), np.clip(v - A * T, -speed, speed)
     most = np.where(most > 0.0, _stoppable(most, upper - q, upper, limits, T), most)
@@ -218,17 +232,6 @@ class VelocityProblems(ProblemBuilder):
     def columns(self) -> list[str]:
         """Names that `extra` has."""
         return [f"error_{label}" for label in self.labels] + self.figures()
-
-    def of_rows(self, key: str, usual: float) -> Array:
-        """A positive number of each task, for each of its rows, (m,).
-
-        Raises:
-            UnverifiableError: it is none.
-        """
-        numbers = [entry.get(key, usual) for entry in self.entries]
-        if not all(is_number(number) and number > 0.0 for number in numbers):
-            raise UnverifiableError(f"{key} of a task is none")
-        return np.repeat(np.array(numbers, float), self.sizes)
 
     def begin(self) -> None:
         """Start the targets from where the robot is."""

@@ -23,8 +23,6 @@ from hoap3.tools.verify.controller_log import ControllerRun
 Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 
 FUNCTIONS = {
-    "clik": "velocity.clik:check",
-    "clik_sdp": "velocity.clik:check_sdp",
     "ghc": "acceleration.ghc:check",
     "ghc_torque": "acceleration.ghc:check_torque",
     "ghc_velocity": "velocity.ghc_velocity:check",

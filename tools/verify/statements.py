@@ -19,8 +19,13 @@ from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.tools.verify.claims import Claims
 
-BUILDERS = {"stable_qp": "hoap3.remote_controller.problems.stable_qp:StableQpProblems"}
-"""Controllers whose answers are checked by their problems; others have a checker of their own."""
+BUILDERS = {
+    "clik": "clik_sdp:ClikProblems",
+    "clik_sdp": "clik_sdp:ClikSdpProblems",
+    "stable_qp": "stable_qp:StableQpProblems",
+}
+"""Module and class in `remote_controller.problems`, by the controller's registered name; others
+have a checker of their own."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes several milliseconds."""
 MISSING = "not finite, or the log lacks when the controller began"
@@ -32,6 +37,7 @@ def builder_of(controller: str) -> type[ProblemBuilder] | None:
     if controller not in BUILDERS:
         return None
     module, name = BUILDERS[controller].split(":")
+    module = f"hoap3.remote_controller.problems.{module}"
     found: type[ProblemBuilder] = getattr(import_module(module), name)
     return found
 

@@ -9,7 +9,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from driven import driven
+from driven import recorded
+from support.checked_answers import check_answers
 from tampering import (
     ANSWERS,
     SETPOINT,
@@ -26,7 +27,6 @@ from tampering import (
 
 from hoap3.remote_controller.pairs import PAIRS, POSTURES
 from hoap3.tools.logs.log import Log
-from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.verify import verify
@@ -239,13 +239,10 @@ def test_a_setting_that_is_none_is_not_reckoned_with(wrong, logs, tmp_path):
 
 def judged(config: str, robot: str, ticks: int, **given: object) -> Claims:
     """What is found of a controller that a made-up robot drives."""
-    run, parameters = driven(config, robot, ticks, **given)
-    claims = Claims()
+    records, parameters = recorded(config, robot, ticks, **given)
     known = "ghc_velocity", "clik_sdp", "clik"
-    check = checker_of(next(name for name in known if config.startswith(name)))
-    assert check is not None
-    check(run, parameters, claims)
-    return claims
+    name = next(name for name in known if config.startswith(name))
+    return check_answers(records, name, parameters)
 
 
 PRIORITIES = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -13,26 +11,23 @@ from support.checked_answers import check_answers
 
 from hoap3.protocol.config.settings import parse
 from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds as kernel
+from hoap3.remote_controller.problems import clik_sdp, velocity
+from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import stopping_speed
 from hoap3.remote_controller.problems.oracles.parameters import NOT_READ
+from hoap3.remote_controller.problems.velocity import velocity_bounds
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling import priorities as scheduling
 from hoap3.remote_controller.scheduling.priorities import PrioritySettings, top_level
-from hoap3.remote_controller.solvers.clik.clik_reference import prioritised
 from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
-from hoap3.remote_controller.solvers.sdp.sdp_reference import optimum
 from hoap3.tools.verify.changes import OF_CHANGES
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
-from hoap3.tools.verify.controllers.velocity import clik, ghc_velocity, joint_bounds, settings
-from hoap3.tools.verify.controllers.velocity.clik_law import certified_rates, law_of
-from hoap3.tools.verify.controllers.velocity.gain_optimum import Gains
+from hoap3.tools.verify.controllers.velocity import ghc_velocity
 from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers
 
-SIZES, WEIGHTS = [3, 2], np.array([4.0, 4.0, 4.0, 1.0, 1.0])
-ROWS = [slice(0, 3), slice(3, 5)]
-DT, DELTA = 0.01, 5e-5
+SIZES, ROWS = [3, 2], [slice(0, 3), slice(3, 5)]
 
 
 def jacobians(number: int = 6, n: int = 7, seed: int = 1) -> np.ndarray:
@@ -51,70 +46,12 @@ def test_bounds_of_velocities_are_those_of_the_product() -> None:
     q[50:60, 1] = [1.0] * 10
     v = random.uniform(-4.0, 4.0, (400, 5))
 
-    found = joint_bounds.velocity_bounds(q, v, limits, 1e-3)
+    found = velocity_bounds(q, v, limits, 1e-3)
 
     for k in range(400):
         lower, upper = np.zeros((2, 5))
         kernel(q[k].copy(), v[k].copy(), limits, 1e-3, lower, upper)
         np.testing.assert_allclose([found[0][k], found[1][k]], [lower, upper], rtol=1e-12)
-
-
-@pytest.mark.parametrize("damping", [0.0, 0.2])
-def test_the_law_is_that_with_projectors(damping: float) -> None:
-    J = jacobians()
-
-    law = law_of(J, SIZES, WEIGHTS, damping)
-
-    for k in range(len(J)):
-        _, L = prioritised(SIZES, J[k], WEIGHTS, damping)
-        B, _ = prioritised(SIZES, J[k], np.ones(5), damping)
-        np.testing.assert_allclose(law.B[k], B, atol=1e-9)
-        np.testing.assert_allclose(law.L[k], L, atol=1e-8)
-    assert law.rank.tolist() == [5, 4, 4, 5, 5, 5]
-
-
-def test_gains_certify_how_fast_v_falls() -> None:
-    law, random = law_of(jacobians(), SIZES, WEIGHTS, 0.0), np.random.default_rng(2)
-    gains = random.uniform(0.1, 5.0, (6, 5))
-    beta, _ = certified_rates(law, gains, DT)
-    for k in range(6):
-        shrink = np.eye(5) - DT * law.L[k] * gains[k]
-        assert beta[k] == pytest.approx((1.0 - np.linalg.norm(shrink, 2) ** 2) / DT, abs=1e-9)
-
-
-@cache
-def programs() -> tuple[Gains, np.ndarray]:
-    """Programs with their best gains, and what these certify; half of them have narrow limits."""
-    law, random = law_of(jacobians()[[0, 3, 4]], SIZES, WEIGHTS, 0.0), np.random.default_rng(3)
-    found: list[tuple[np.ndarray, ...]] = []
-    for L, B in zip(law.L, law.B, strict=True):
-        for limit in (9.0, 0.05):
-            S, most = B * random.normal(size=5), limit * np.ones(7)
-            gains, beta, proved = optimum(L, S, -most, most, DT, DELTA)
-            if proved:
-                found.append((L, S, -most, most, gains, np.array(beta)))
-    L, S, least, most, gains, beta = (np.array(part) for part in zip(*found, strict=True))
-    return Gains(L, S, least, most, DT, DELTA, gains), beta
-
-
-def test_the_best_gains_are_proved_to_be_the_best() -> None:
-    problems, beta = programs()
-    assert len(beta) >= 5
-    assert problems.gaps(np.full(len(beta), 1e-12)).max() < 1e-9
-
-
-def test_of_other_gains_the_gap_says_how_much_better_the_best_ones_are() -> None:
-    problems, beta = programs()
-    best = (beta - 1.0) ** 2 + DELTA * (problems.gains**2).sum(1)
-    for share in (0.999, 0.7):
-        other = replace(problems, gains=share * problems.gains)
-        step = other.L * other.gains[:, None, :]
-        turned = step.transpose(0, 2, 1)
-        rate = np.linalg.eigvalsh(step + turned - DT * turned @ step)[:, 0]
-        worse = (rate - 1.0) ** 2 + DELTA * (other.gains**2).sum(1) - best
-        gaps = other.gaps(np.full(len(beta), 1e-10))
-        assert (gaps >= worse - 1e-10).all()
-        assert (gaps <= 1.1 * worse + 1e-9).all()
 
 
 @pytest.mark.parametrize("width", [0.0, 0.3])
@@ -208,15 +145,16 @@ def test_priorities_that_cannot_be_read_say_so(wrong: dict) -> None:
 
 def test_defaults_are_those_of_the_controllers_and_no_other_setting_changes_a_claim() -> None:
     no_claim = {"budget", *OF_CHANGES}
+    weight, gain = {"weight": clik_sdp.WEIGHT}, {"gain_per_s": clik_sdp.GAIN_PER_S}
     ours = {
-        "clik": (clik.STEADY, {"weight": clik.WEIGHT, "gain_per_s": clik.GAIN_PER_S}),
-        "clik_sdp": (clik.SDP, {"weight": clik.WEIGHT}),
+        "clik": (clik_sdp.ClikProblems.defaults, weight | gain),
+        "clik_sdp": (clik_sdp.ClikSdpProblems.defaults, weight),
         "ghc_velocity": (ghc_velocity.DEFAULTS, {"gain_per_s": ghc_velocity.GAIN_PER_S}),
     }
     for name, (own, of_tasks) in ours.items():
         fields = find(name).Parameters.model_fields
-        assert set(fields) <= {*settings.DEFAULTS, *own, *no_claim}, name
-        for key, usual in {**settings.DEFAULTS, **own}.items():
+        assert set(fields) <= {*velocity.DEFAULTS, *own, *no_claim}, name
+        for key, usual in {**velocity.DEFAULTS, **own}.items():
             if key in {"bounds", "priorities"}:
                 assert usual == {}
             elif fields[key].is_required():
@@ -224,7 +162,7 @@ def test_defaults_are_those_of_the_controllers_and_no_other_setting_changes_a_cl
             else:
                 first = usual[0] if isinstance(usual, tuple) else usual
                 assert fields[key].default == first, (name, key)
-        assert fields["bounds"].default.margin_rad == joint_bounds.MARGIN_RAD
+        assert fields["bounds"].default.margin_rad == velocity.MARGIN_RAD
         task = fields["tasks"].annotation
         while not hasattr(task, "model_fields"):
             task = task.__args__[0]
@@ -235,7 +173,7 @@ def test_defaults_are_those_of_the_controllers_and_no_other_setting_changes_a_cl
 def test_a_stopping_speed_comes_to_rest_within_the_room() -> None:
     A, T = 40.0, 1e-3
     for room in (1e-9, 3e-5, 0.01, 0.7):
-        w = float(joint_bounds.stopping_speed(np.array(room), np.array(A), T))
+        w = float(stopping_speed(np.array(room), np.array(A), T))
         steps = np.maximum(w - A * T * np.arange(10_000), 0.0)
         assert steps.sum() * T == pytest.approx(room, rel=1e-9)
         assert all(a - b <= A * T * (1 + 1e-9) for a, b in pairwise(steps))

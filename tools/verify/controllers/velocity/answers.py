@@ -16,7 +16,6 @@ from hoap3.tools.verify.controllers.velocity.task_stack import Cycles, Tasks
 from hoap3.tools.verify.sent_velocity import DELAYED, judged, sent_velocity
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -44,11 +43,6 @@ class Answers:
         """Of each, (N,)."""
         found: NDArray[np.int64] = self.run.answers["tick"].astype(np.int64)
         return found
-
-    def only(self, at: Flags) -> Answers:
-        """Some of them, (N,)."""
-        some = self.u[at], self.doubt[at], self.lower[at], self.upper[at]
-        return Answers(self.run.only(at), self.cycles.only(at), *some, self.delayed)
 
     def check_margin(self, claims: Claims) -> None:
         """The least distance of u from a bound."""

@@ -15,12 +15,12 @@ from scipy.optimize import linprog
 
 from hoap3.protocol.messages import schema
 from hoap3.remote_controller.problems.oracles.parameters import NOT_READ, reason_of
+from hoap3.remote_controller.problems.velocity import of_rows, settings_of
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.hierarchy import Condensed, condensed, multipliers
-from hoap3.tools.verify.controllers.velocity.settings import of_rows, settings_of
 from hoap3.tools.verify.controllers.velocity.task_stack import Tasks
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values
 

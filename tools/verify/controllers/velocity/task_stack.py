@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, task_of
 from hoap3.remote_controller.problems.oracles.tasks.task_oracle import AnyTask
+from hoap3.remote_controller.problems.velocity import PLACE
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.controller_log import ControllerRun
 
 Array = NDArray[np.float64]
-
-PLACE = 64.0 * np.finfo(float).eps
-"""How exactly a place of some metres is known from joint positions, or an angle [m or rad]: each
-of up to ten joints rounds it by a few units of the last place."""
 
 
 @dataclass(frozen=True)
@@ -31,23 +28,13 @@ class Cycles:
         e: errors, (N, m).
         J: ∂e/∂q, (N, m, n).
         rate: ∂e/∂t, (N, m).
-        along: e a period later if no joint moves, (N, m).
         ahead: e a period later where u leads, (N, m).
     """
 
     e: Array
     J: Array
     rate: Array
-    along: Array
     ahead: Array
-
-    def only(self, at: NDArray[np.bool_]) -> Cycles:
-        """Those of some answers, (N,)."""
-        return Cycles(self.e[at], self.J[at], self.rate[at], self.along[at], self.ahead[at])
-
-    def squares(self, weights: Array) -> tuple[Array, Array]:
-        """V = ½ Σ w e² now and where u leads, both (N,); weights: w of each row, (m,)."""
-        return 0.5 * (self.e**2 @ weights), 0.5 * (self.ahead**2 @ weights)
 
 
 @dataclass(frozen=True)
@@ -85,25 +72,14 @@ class Tasks:
         return [task.size for task in self.tasks]
 
     @property
-    def roots(self) -> Array:
-        """By what the tasks' own weights multiply each row of e, (m,)."""
-        return np.concatenate([task.roots for task in self.tasks])
-
-    @property
     def places(self) -> Array:
         """How exactly each row of e is known, (m,) [its unit]."""
-        known = [np.full(task.size, PLACE * task.rounding) for task in self.tasks]
-        return self.roots * np.concatenate(known)
+        return np.concatenate([PLACE * task.rounding * task.roots for task in self.tasks])
 
     @property
     def rows(self) -> list[slice]:
         """Where the rows of each are."""
         return [slice(*ends) for ends in pairwise(np.cumsum([0, *self.sizes]).tolist())]
-
-    def moved(self) -> NDArray[np.bool_]:
-        """Joints that any of them may move, (n,)."""
-        found = [task.moved(self.robot) for task in self.tasks]
-        return np.asarray(np.logical_or.reduce(found))
 
     def over(self, run: ControllerRun, base: Array, u: Array) -> Cycles:
         """All cycles of a run.
@@ -115,8 +91,8 @@ class Tasks:
         """
         T, starts, begun = run.description.period_s, _starts(run), -1
         N, m, n = len(run.answers), sum(self.sizes), run.description.n
-        e, rate, along, ahead = np.zeros((4, N, m))
-        found = Cycles(e, np.zeros((N, m, n)), rate, along, ahead)
+        e, rate, ahead = np.zeros((3, N, m))
+        found = Cycles(e, np.zeros((N, m, n)), rate, ahead)
         for k, place in enumerate(run.answered.tolist()):
             if starts[k] != begun:
                 begun = starts[k]
@@ -124,10 +100,6 @@ class Tasks:
             now = float(run.states["tick"][place]) * T
             self._watch(run.states["q"][place], now)
             self._look(found, k, base[place], now)
-            if found.rate[k].any():
-                self._errors(now + T, found.along[k])
-            else:
-                found.along[k] = found.e[k]
             self.robot.place_only(base[place] + u[k] * T)
             self._errors(now + T, found.ahead[k])
         return found
