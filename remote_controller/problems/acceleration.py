@@ -79,7 +79,7 @@ NOT_SENT = (
 )  # fmt: skip
 """Fields that are 0 in an answer to a State that is not finite."""
 FREE_BASE_ONLY = {"base", "contacts"}
-FREE_BASE = "tasks, bounds of joints, certificate and conditions of a free base are not recomputed"
+FREE_BASE = "problems of a free base are not stated"
 NO_PROOF = "that a solver finds no answer, though there may be one, is not recomputed"
 
 
@@ -136,9 +136,8 @@ class AccelerationProblems(ProblemBuilder):
         controller: str,
     ) -> None:
         super().__init__(description, parameters, session, controller)
-        self._free = parameters.get("base") == "free"
-        if self._free:
-            return
+        if parameters.get("base") == "free":
+            raise UnverifiableError(FREE_BASE)
         try:
             self._build(description, parameters, session)
         except NOT_READ as error:
@@ -222,8 +221,6 @@ class AccelerationProblems(ProblemBuilder):
 
     def adopt(self, parameters: Settings) -> None:
         """Take other parameters from the newest State on; all that is remembered stays."""
-        if self._free:
-            return
         settings, before = self._complete(parameters), self.settings
         pairs = zip(self.entries(settings), self.entries(before), strict=True)
         for place, (entry, old) in enumerate(pairs):
@@ -236,8 +233,6 @@ class AccelerationProblems(ProblemBuilder):
 
     def begin(self) -> None:
         """Start all tasks from the first State that is finite."""
-        if self._free:
-            return
         self._move(self.history.state)
         for task in self.tasks:
             task.begin(self._robot, self.history.time_s)
@@ -249,7 +244,7 @@ class AccelerationProblems(ProblemBuilder):
     def _close(self, *, asked: bool = False) -> None:
         """Restart the schedule with a reset, even where that State is not finite."""
         history = self.history
-        if self._open and history.was_reset and not self._free:
+        if self._open and history.was_reset:
             period_s = history.description.period_s
             self._schedule = TickSchedule(self.schedule(self.settings), period_s)
             self._first_tick = int(history.state["tick"])
@@ -259,8 +254,6 @@ class AccelerationProblems(ProblemBuilder):
 
     def observe(self) -> None:
         """Evaluate what has memory: the schedule, tolerances, and contacts."""
-        if self._free:
-            return
         history, schedule = self.history, self._schedule
         state, time_s, period_s = history.state, history.time_s, history.description.period_s
         for _, request in history.changes[self._requests :]:
@@ -283,7 +276,7 @@ class AccelerationProblems(ProblemBuilder):
         """The problem of the newest answer; None where the log lacks what it depends on."""
         self._close(asked=True)
         history = self.history
-        if history.known and not history.finite and history.answer is not None and not self._free:
+        if history.known and not history.finite and history.answer is not None:
             return self._refused(history.answer)
         return super().problem()
 
@@ -304,9 +297,6 @@ class AccelerationProblems(ProblemBuilder):
     def state_problem(self, setpoint: Any) -> Statement:
         """The problem of an answer to the newest State."""
         values = np.array(setpoint["values"])
-        if self._free:
-            unverified = (("certificate", FREE_BASE),)
-            return Statement("free base", (), values, np.zeros(values.shape), (), unverified)
         cycle = self._cycle(setpoint)
         tops = np.repeat(self.tops(cycle.importance), np.diff(self.edges))
         claims = [

@@ -23,8 +23,8 @@ from hoap3.tools.verify.controller_log import ControllerRun
 Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 
 FUNCTIONS = {
-    "ghc": "acceleration.ghc:check",
-    "ghc_torque": "acceleration.ghc:check_torque",
+    "ghc": "acceleration.free_base:check_free_base",
+    "ghc_torque": "acceleration.free_base:check_free_base",
     "ghc_velocity": "velocity.ghc_velocity:check",
     "hqp": "acceleration.hqp:check",
     "joint_acceleration": "acceleration.joint_acceleration:check",
@@ -34,7 +34,8 @@ FUNCTIONS = {
     "tsid": "acceleration.tsid:check",
     "weighted": "acceleration.weighted:check",
 }
-"""Module and function in `controllers`, by the controller's registered name."""
+"""Module and function in `controllers`, by the controller's registered name. Those of `ghc` and
+`ghc_torque` are for a free base; other logs have a builder in `statements`."""
 
 
 def checker_of(controller: str) -> Checker | None:

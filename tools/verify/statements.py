@@ -22,6 +22,8 @@ from hoap3.tools.verify.claims import Claims
 BUILDERS = {
     "clik": "clik_sdp:ClikProblems",
     "clik_sdp": "clik_sdp:ClikSdpProblems",
+    "ghc": "ghc:GhcProblems",
+    "ghc_torque": "ghc:GhcTorqueProblems",
     "stable_qp": "stable_qp:StableQpProblems",
 }
 """Module and class in `remote_controller.problems`, by the controller's registered name; others
@@ -32,9 +34,9 @@ MISSING = "not finite, or the log lacks when the controller began"
 PART = 5000  # answers whose findings are counted together
 
 
-def builder_of(controller: str) -> type[ProblemBuilder] | None:
-    """The builder of a controller's problems; None where there is none."""
-    if controller not in BUILDERS:
+def builder_of(controller: str, parameters: Mapping[str, Any]) -> type[ProblemBuilder] | None:
+    """The builder of a controller's problems; None where there is none, as of a free base."""
+    if controller not in BUILDERS or parameters.get("base") == "free":
         return None
     module, name = BUILDERS[controller].split(":")
     module = f"hoap3.remote_controller.problems.{module}"
@@ -106,7 +108,7 @@ def check_engagements(
 
     Args:
         records: all of the log.
-        controller: registered name of one of `BUILDERS`.
+        controller: its registered name; without a builder, nothing is checked.
         parameters: of the log's config.
         claims: takes what was compared.
         answers: how many the log has.
@@ -114,8 +116,10 @@ def check_engagements(
             builder is fast enough, else `SAMPLE`.
         say: takes progress, for people.
     """
-    kind = builder_of(controller)
-    if kind is not None and most is None and not kind.checks_every_answer:
+    kind = builder_of(controller, parameters)
+    if kind is None:
+        return
+    if most is None and not kind.checks_every_answer:
         most = SAMPLE
     share = 1.0 if most is None else min(1.0, most / max(answers, 1))
     description: RobotDescription | None = None
@@ -125,7 +129,7 @@ def check_engagements(
         if record.kind == Kind.DESCRIPTION:
             description = RobotDescription.from_json(record.payload)
         lost += record.kind == Kind.SETPOINT
-        if record.kind != Kind.SESSION or description is None or kind is None:
+        if record.kind != Kind.SESSION or description is None:
             record = next(reader, None)
             continue
         engagement, failed_at = _Engagement(reader), 0

@@ -25,7 +25,7 @@ from hoap3.tools.verify.forked import Forked, gather, processors
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
-from hoap3.tools.verify.statements import BUILDERS, check_engagements
+from hoap3.tools.verify.statements import builder_of, check_engagements
 
 PARALLEL_FROM = 50_000
 """States from which on the parts of a verification run in processes of their own."""
@@ -270,27 +270,32 @@ def _config(log: Log) -> dict[str, Any] | None:
 def _check_controller(
     log: Log, config: dict[str, Any] | None, claims: Claims, say: Callable[[str], None]
 ) -> None:
-    name = str((config or {}).get("controller", ""))
-    check = checker_of(name)
+    name, parameters = _controller(config)
+    check, has_builder = checker_of(name), builder_of(name, parameters) is not None
     reason = "the log has no config" if config is None else f"controller {name!r:.60} is not known"
     for run in runs(log.records()):
         check_order(run, claims)
         say(f"{len(run.answers)} answers")
-        if name in BUILDERS:
-            check_leaving(run, (config or {}).get("parameters") or {}, claims)
+        if has_builder:
+            check_leaving(run, parameters, claims)
         elif check is None:
             claims.unverified("certificate", len(run.answers), reason)
         elif len(run.answers):
-            for part, parameters in with_numbers(run, name, (config or {}).get("parameters") or {}):
-                check(check_leaving(part, parameters, claims), parameters, claims)
+            for part, given in with_numbers(run, name, parameters):
+                check(check_leaving(part, given, claims), given, claims)
 
 
 def _check_problems(log: Log, most: int | None, part: Part, say: Callable[[str], None]) -> None:
     """Check answers by the problems that the controller's builder states."""
-    config, answers = _config(log), log.count(Kind.SETPOINT)
-    name = str((config or {}).get("controller", ""))
-    if config is None or name not in BUILDERS:
+    (name, parameters), answers = _controller(_config(log)), log.count(Kind.SETPOINT)
+    if builder_of(name, parameters) is None:
         return
     say(f"problems of {answers} answers")
-    parameters, records = config.get("parameters") or {}, log.records()
+    records = log.records()
     check_engagements(records, name, parameters, part.claims, answers=answers, most=most, say=say)
+
+
+def _controller(config: Mapping[str, Any] | None) -> tuple[str, dict[str, Any]]:
+    """The registered name of the controller of a config, "" for none, and its parameters."""
+    config = config or {}
+    return str(config.get("controller", "")), config.get("parameters") or {}

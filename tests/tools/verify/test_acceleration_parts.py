@@ -11,11 +11,11 @@ import pytest
 from pydantic import BaseModel
 
 from hoap3.protocol.limits import viability_bounds_oracle as reference
+from hoap3.remote_controller.problems.ghc import GhcProblems, GhcTorqueProblems
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.tools.verify.controllers.acceleration import (
-    ghc,
     hqp,
     joint_acceleration,
     tsid,
@@ -81,8 +81,8 @@ def test_defaults_are_those_of_the_controllers() -> None:
         "joint_acceleration": joint_acceleration.DEFAULTS,
         "tsid": tsid.DEFAULTS,
         "weighted": weighted.DEFAULTS,
-        "ghc": ghc.DEFAULTS,
-        "ghc_torque": {k: v for k, v in ghc.TORQUE_DEFAULTS.items() if k != "regularise"},
+        "ghc": GhcProblems.defaults,
+        "ghc_torque": {k: v for k, v in GhcTorqueProblems.defaults.items() if k != "regularise"},
         "hqp": hqp.DEFAULTS,
     }
     for name, table in tables.items():

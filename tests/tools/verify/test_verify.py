@@ -421,7 +421,7 @@ def test_every_registered_controller_has_a_checker():
     from hoap3.tools.verify.statements import BUILDERS, builder_of
 
     assert FUNCTIONS.keys() | BUILDERS.keys() == set(registered())
-    assert all(builder_of(name) is not None for name in BUILDERS)
+    assert all(builder_of(name, {}) is not None for name in BUILDERS)
     assert all(checker_of(name) is not None for name in FUNCTIONS)
 
 

@@ -79,7 +79,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     return get
 
 
-@pytest.mark.parametrize("name", marked_slow(STORIES, JOINTS, TSID, "ghc", "force"))
+@pytest.mark.parametrize("name", marked_slow(STORIES, JOINTS, TSID, "ghc"))
 def test_a_true_log_is_true(name, story):
     assert_no_false_alarm(story(name))
 
@@ -125,14 +125,15 @@ def test_levels_beside_a_singular_one_raise_no_false_alarm(tmp_path):
     assert verify(run).claims.by_tick() == []
 
 
-@pytest.mark.parametrize("name", marked_slow(SETTINGS, "lost answers", "ghc with weak motors"))
+@pytest.mark.parametrize("name", marked_slow(SETTINGS, "lost answers"))
 def test_other_settings_raise_no_false_alarm(name, tmp_path):
     robot, controller, settings = SETTINGS[name]
 
     found = assert_no_false_alarm(ran(tmp_path / "run", robot, controller, *settings, seconds=0.4))
 
     if "weak" in name:
-        assert found.claims.counts["fallback: optimum"].checked > 10
+        fallbacks = [n for c, n in found.claims.counts.items() if c.startswith("fallback: ")]
+        assert max(each.checked for each in fallbacks) > 10
 
 
 MANY = """
@@ -187,7 +188,7 @@ def test_tasks_of_all_kinds_raise_no_false_alarm(robot, config, seconds, tmp_pat
     found = assert_no_false_alarm(ran(tmp_path / "run", robot, str(file), seconds=seconds))
 
     if robot == "lwr_with_table":
-        assert found.claims.counts["wrench"].checked == 4000
+        assert found.claims.counts["wrench"].checked == 2000
 
 
 def test_constraints_of_accelerations_are_counted_by_name(tmp_path):

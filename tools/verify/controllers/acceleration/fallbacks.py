@@ -33,12 +33,11 @@ class Soft(NamedTuple):
     H: Array
     f: Array
     wish: Array
-    exact: float = 0.0  # of f, relative to the largest acceleration
 
 
-def nearest_to(wish: Array, exact: float = 0.0) -> Soft:
-    """H = I and f = −wish, and how exactly the wish is known, relative to its size."""
-    return Soft(np.eye(len(wish)), -wish, wish, exact)
+def nearest_to(wish: Array) -> Soft:
+    """H = I and f = −wish."""
+    return Soft(np.eye(len(wish)), -wish, wish)
 
 
 def check_fallback(
@@ -57,7 +56,7 @@ def check_fallback(
         else:
             claims.unverified("fallback: no answer", 1, UNREPEATED)
         off = _distance(cycles, hierarchy.torque_max, i, problem, int(fallback[i]))
-        exact = RELATIVE + problem.exact + cycles.ddq_exact[i].max() / _span(cycles.ddq[i], problem)
+        exact = RELATIVE + cycles.ddq_exact[i].max() / _span(cycles.ddq[i], problem)
         claims.at_most("fallback: optimum", tick[i], off, exact, 0.0)
 
 

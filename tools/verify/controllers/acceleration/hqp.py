@@ -22,10 +22,10 @@ from hoap3.tools.verify.controllers.acceleration.fallbacks import (
     Soft,
     nearest_to,
 )
-from hoap3.tools.verify.controllers.acceleration.family import braking, check_family
-from hoap3.tools.verify.controllers.acceleration.ghc import DEFAULTS as RANKED
-from hoap3.tools.verify.controllers.acceleration.ghc import Ranked, with_rest
+from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities
 from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.controllers.acceleration.quadratic import TINY
 
@@ -34,7 +34,14 @@ Flags = NDArray[np.bool_]
 Settings = Mapping[str, Any]
 Levels = tuple[tuple[int, ...], ...]
 
-DEFAULTS = {key: RANKED[key] for key in RANKED if key not in {"regularise", "smoothing"}}
+DEFAULTS: dict[str, Any] = {
+    "constraints": None,
+    "bounds": bounds.HIERARCHY_DEFAULTS,
+    "compensate_friction": True,
+    "w_r": 0.01,
+    "null_damping_per_s": 10.0,
+    "priorities": {},
+}
 ABOVE = 0.5  # more of it, and a task is a level above another
 RANK = 1e-9  # of the largest singular value of a level's rows
 SLACK = 1e-8  # by which bounds give way below the first level
@@ -131,10 +138,14 @@ class Cascade:
         self.bounded |= out
 
 
-class Hqp(Ranked):
+class Hqp(Family):
     """The cascade, anew."""
 
     defaults, proves = DEFAULTS, False
+
+    def schedule(self, names: list[str], settings: Settings) -> Priorities:
+        """The priorities."""
+        return Priorities(names, settings["priorities"])
 
     def tops(self, numbers: Array) -> Flags:
         """The tasks of the first level."""
@@ -161,9 +172,11 @@ class Hqp(Ranked):
 
 def _cascade(cycles: Cycles, hierarchy: Hierarchy, settings: Settings, most: Array) -> Cascade:
     """The answers with torques up to `most`, (n,)."""
-    J, b, b_exact = with_rest(cycles, braking(cycles, settings, hierarchy))
-    N, _, n = J.shape
+    brakes = braking(cycles, settings, hierarchy)
+    N, n = brakes.shape
     one = np.broadcast_to(np.eye(n), (N, n, n))
+    J, b = np.hstack([cycles.rows.jacobian, one]), np.hstack([cycles.wanted, brakes])
+    b_exact = np.hstack([cycles.wanted_exact, ROUNDING * np.abs(brakes)])
     sides = [
         np.hstack([side, sign * most - cycles.bias])
         for side, sign in ((cycles.lower, -1.0), (cycles.upper, 1.0))

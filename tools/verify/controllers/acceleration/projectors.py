@@ -25,16 +25,11 @@ class Projectors:
         J: all rows, (N, m, n).
         edges: where each task's rows begin, and m.
         width: singular values below it fade out; 0: none does.
-
-    Attributes:
-        amplify: by how much rounding of the rows is amplified at most, (N,): the inverse of the
-            least singular value so far.
     """
 
     def __init__(self, J: Array, edges: Sequence[int] | Array, width: float) -> None:
         self._J, self._edges, self._width = J, edges, width
         self._known: dict[tuple[bool, ...], Array] = {}
-        self.amplify = np.ones(len(J))
         parts = [J[:, start:end] for start, end in pairwise(edges)]
         self._whole = [_is_identity(part) for part in parts]  # which leave nothing free
 
@@ -69,15 +64,12 @@ class Projectors:
             least = np.maximum(self._width, NARROWEST * np.linalg.norm(rows, axis=(1, 2)))
             t = np.minimum(s / least[:, None], 1.0)
             shares = 3.0 * t**2 - 2.0 * t**3
-            np.maximum(self.amplify, 1.0 / least, out=self.amplify)
         else:
             length = np.linalg.norm(rows, axis=2, keepdims=True)
             _, s, Vt = np.linalg.svd(
                 rows / np.where(length > 0.0, length, 1.0), full_matrices=False
             )
             shares = (s > RANK).astype(float)
-            least = np.where(s > RANK, s, np.inf).min(1)
-            np.maximum(self.amplify, 1.0 / least, out=self.amplify)
         return np.asarray(np.eye(n) - np.swapaxes(Vt, 1, 2) * shares[:, None, :] @ Vt)
 
 
