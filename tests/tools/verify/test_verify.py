@@ -394,7 +394,8 @@ def test_the_command_says_so_with_its_exit_code(story, tmp_path):
 def test_no_kernel_no_solver_and_no_emulator_is_imported(story):
     code = (
         "import sys; from pathlib import Path; from hoap3.tools.verify.verify import verify;"
-        f"verify(Path({str(story)!r}));"
+        "from hoap3.tools.verify.statements import BUILDERS, builder_of;"
+        f"verify(Path({str(story)!r})); [builder_of(name, {{}}) for name in BUILDERS];"
         "print([m for m in sys.modules if m.endswith('_kernels') or m in ('numba', 'daqp', 'osqp')"
         " or m.startswith('hoap3.robot_emulator')])"
     )
