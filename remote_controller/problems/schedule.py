@@ -42,6 +42,12 @@ class Schedule(ABC):
         """Whether a value was in transition at the last evaluation, or will be."""
         return bool(self._later) or self._time < float((self._begin + self._over).max())
 
+    @property
+    def under_way(self) -> bool:
+        """Whether a value was in transition at the last evaluation."""
+        ends = self._begin + self._over
+        return bool(((self._from != self._to) & (ends > self._time)).any())
+
     def at(self, time_s: float) -> Array:
         """Evaluate the values."""
         self._time = time_s

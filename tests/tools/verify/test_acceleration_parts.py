@@ -11,7 +11,9 @@ import pytest
 from pydantic import BaseModel
 
 from hoap3.protocol.limits import viability_bounds_oracle as reference
+from hoap3.remote_controller.problems import schedule
 from hoap3.remote_controller.problems.ghc import GhcProblems, GhcTorqueProblems
+from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
@@ -21,7 +23,6 @@ from hoap3.tools.verify.controllers.acceleration import (
     tsid,
     weighted,
 )
-from hoap3.tools.verify.controllers.acceleration.model import bounds, schedule
 
 
 def test_bounds_are_those_that_their_meaning_gives() -> None:

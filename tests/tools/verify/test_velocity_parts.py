@@ -14,6 +14,7 @@ from hoap3.remote_controller.constraints.joints.viability_kernels import velocit
 from hoap3.remote_controller.problems import clik_sdp, velocity
 from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import stopping_speed
 from hoap3.remote_controller.problems.oracles.parameters import NOT_READ
+from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
 from hoap3.remote_controller.problems.velocity import velocity_bounds
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling import priorities as scheduling
@@ -22,7 +23,6 @@ from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
 from hoap3.tools.verify.changes import OF_CHANGES
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
 from hoap3.tools.verify.controllers.velocity import ghc_velocity
 from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers
@@ -126,7 +126,7 @@ def test_priorities_move_as_those_of_the_product(start: dict, live: dict) -> Non
         before, alpha = alpha, ours.at(now)
         np.testing.assert_allclose(alpha, theirs.alpha, rtol=0, atol=1e-14)
         assert ((alpha != before).any(), ours.under_way) == (changed, theirs.moving), tick
-        assert leaders(alpha).tolist() == top_level(theirs.alpha).tolist()
+        assert top_tasks(alpha).tolist() == top_level(theirs.alpha).tolist()
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.remote_controller.controllers.certificate import STATIONARY
+from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING
+from hoap3.remote_controller.problems.oracles.tasks.wrench_oracle import WrenchTask, columns_of
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import ACTIVE, INFEASIBLE
-from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy, has_decision
-from hoap3.tools.verify.controllers.acceleration.model.press import Press, columns_of
-from hoap3.tools.verify.controllers.acceleration.model.rounding import rounding_of
-from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
+from hoap3.tools.verify.controllers.acceleration.hierarchy import (
+    Cycles,
+    Hierarchy,
+    has_decision,
+    rounding_of,
+)
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -93,7 +97,9 @@ def check_columns(
         stated = answers["extra"][:, columns[f"error_{name}"]]
         claims.equal("error", tick, stated, error, off)
     pressing = [(name, task) for name, task in zip(names, hierarchy.tasks, strict=True)]
-    felt = [c for name, task in pressing if isinstance(task, Press) for c in columns_of(task, name)]
+    felt = [
+        c for name, task in pressing if isinstance(task, WrenchTask) for c in columns_of(task, name)
+    ]
     for label, found in zip(felt, cycles.measured.T, strict=True):
         off = RELATIVE * (1.0 + np.abs(found))
         claims.equal("wrench", tick, answers["extra"][:, columns[label]], found, off)

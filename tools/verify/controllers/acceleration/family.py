@@ -9,12 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
     UnverifiableError,
     complete,
     reason_of,
 )
+from hoap3.remote_controller.problems.schedule import Schedule
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import NOT_REMEMBERED, check_refused
@@ -28,8 +30,6 @@ from hoap3.tools.verify.controllers.acceleration.certificate import (
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft, check_fallback
 from hoap3.tools.verify.controllers.acceleration.free_base import check_free_base
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
-from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.controllers.acceleration.model.schedule import Schedule
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

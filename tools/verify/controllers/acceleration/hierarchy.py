@@ -11,21 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.oracles.acceleration_bounds_oracle import Bounds
 from hoap3.remote_controller.problems.oracles.robot_oracle import RigidBody, Robot
-from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages
-from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration.model.bounds import Bounds
-from hoap3.tools.verify.controllers.acceleration.model.press import Press
-from hoap3.tools.verify.controllers.acceleration.model.rounding import rounding_of
-from hoap3.tools.verify.controllers.acceleration.model.schedule import Schedule
-from hoap3.tools.verify.controllers.acceleration.model.wanted import (
+from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import (
     ROUNDING,
-    Rows,
-    Wanted,
+    AccelerationTask,
+    TaskRows,
+    acceleration_task_of,
     gains_of,
-    stacked,
-    wanted_of,
+    stack_rows,
 )
+from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages
+from hoap3.remote_controller.problems.oracles.tasks.wrench_oracle import WrenchTask
+from hoap3.remote_controller.problems.schedule import Schedule
+from hoap3.tools.verify.controller_log import ControllerRun
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -53,7 +52,7 @@ class Cycles:
 
     q: Array
     dq: Array
-    rows: Rows
+    rows: TaskRows
     wanted: Array
     wanted_exact: Array
     mass: Array
@@ -73,7 +72,7 @@ class Cycles:
     def part(self, which: Flags) -> Cycles:
         """Some of the cycles, (N,)."""
         found = {each.name: getattr(self, each.name) for each in fields(self)}
-        found["rows"] = Rows(*(part[which] for part in self.rows))
+        found["rows"] = TaskRows(*(part[which] for part in self.rows))
         return Cycles(**{k: v if k == "rows" else v[which] for k, v in found.items()})
 
 
@@ -108,14 +107,14 @@ class Hierarchy:
     ) -> None:
         self.description, self.torques = description, torques
         self.robot = robot = Robot(description, messages)
-        self.tasks: list[Wanted] = [
-            Press(entry["parameters"], robot)
+        self.tasks: list[AccelerationTask] = [
+            WrenchTask(entry["parameters"], robot)
             if entry["task"] == "wrench"
-            else wanted_of(entry, robot)
+            else acceleration_task_of(entry, robot)
             for entry in entries
         ]
         self.gains = [gains_of(entry) for entry in entries]
-        self.presses = [task for task in self.tasks if isinstance(task, Press)]
+        self.presses = [task for task in self.tasks if isinstance(task, WrenchTask)]
         places = {sensor: i for i, sensor in enumerate(description.wrench_sensors)}
         self._felt = {press.sensor: places[press.sensor] for press in self.presses}
         self.bounds = Bounds.of(description, settings["bounds"])
@@ -195,16 +194,17 @@ class Hierarchy:
         for task, (kp, kd), out in zip(self.tasks, self.gains, absent, strict=True):
             rows = task.at(self.robot, dq, time_s, T)
             wanted = kp * rows.error - kd * rows.motion - rows.rate
-            if isinstance(task, Press):
+            if isinstance(task, WrenchTask):
                 place = self._felt[task.sensor]
-                task.feel(self.robot, state["wrench"][6 * place : 6 * place + 6], float(out))
+                wrench = state["wrench"][6 * place : 6 * place + 6]
+                task.feel(self.robot, wrench, float(out), time_s, T)
                 if task.touches:
-                    rows, wanted = task.press(rows, wanted, M, T)
+                    rows, wanted = task.press(rows, wanted, M)
             seen.append(rows)
             asked.append(wanted)
         measured = np.concatenate([np.zeros(0), *(press.measured for press in self.presses)])
         touches = np.array(any(press.touches for press in self.presses))
-        return (np.concatenate(asked), M, h, weight, measured, touches, *stacked(seen))
+        return (np.concatenate(asked), M, h, weight, measured, touches, *stack_rows(seen))
 
     def _cycles(
         self,
@@ -217,7 +217,7 @@ class Hierarchy:
     ) -> Cycles:
         states = run.answered_states
         wanted, mass, bias, weight, measured, touches = found[:6]
-        rows = Rows(*found[6:])
+        rows = TaskRows(*found[6:])
         kp, kd = np.repeat(np.array(self.gains), self.sizes, axis=0).T
         e, nu, rate = np.moveaxis(rows.exact, 1, 0)
         exact = kp * e + kd * nu + rate
@@ -243,6 +243,17 @@ class Hierarchy:
         ddq = (inverse @ (tau - h)[..., None])[..., 0]
         exact = ROUNDING * (np.abs(values) + np.abs(weight)) + rounding_of(M, h, dq, ddq)
         return ddq, (np.abs(inverse) @ exact[..., None])[..., 0], tau, exact
+
+
+def rounding_of(M: Array, h: Array, dq: Array, ddq: Array) -> Array:
+    """How exactly M·q̈ + h is known, (N, 1), of M (N, n, n) and the rest (N, n).
+
+    Inertias of light links are differences of what they are about the root, so each entry of M has
+    the rounding of the largest.
+    """
+    motion = np.abs(ddq).sum(1) + np.abs(dq).sum(1) ** 2
+    found = np.abs(M).max((1, 2)) * motion + np.abs(h).max(1)
+    return np.asarray(ROUNDING * found[:, None])
 
 
 def has_decision(run: ControllerRun, size: int) -> bool:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
     UnverifiableError,
@@ -35,7 +36,6 @@ from hoap3.tools.verify.controllers.acceleration.answers import (
     check_refused,
 )
 from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
-from hoap3.tools.verify.controllers.acceleration.model import bounds
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

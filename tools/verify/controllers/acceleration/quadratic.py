@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING
 from hoap3.tools.verify.claims import RELATIVE
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles
-from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 

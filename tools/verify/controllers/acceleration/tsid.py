@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import COM
+from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING, root_pose
 from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, posture_of
 from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import rotation_vector
+from hoap3.remote_controller.problems.schedule import Weights
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft
 from hoap3.tools.verify.controllers.acceleration.family import Family, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
-from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.controllers.acceleration.model.schedule import Weights
-from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING, root_pose
 from hoap3.tools.verify.controllers.acceleration.quadratic import optimum_of
 
 Array = NDArray[np.float64]

@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
+from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING
+from hoap3.remote_controller.problems.schedule import Weights
 from hoap3.remote_controller.solvers.qp.reference import solve_qp
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
@@ -22,9 +25,6 @@ from hoap3.tools.verify.controllers.acceleration.fallbacks import (
 )
 from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
-from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.controllers.acceleration.model.schedule import Weights
-from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.controllers.acceleration.quadratic import optimum_of
 
 Array = NDArray[np.float64]

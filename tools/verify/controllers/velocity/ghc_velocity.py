@@ -15,10 +15,10 @@ from scipy.optimize import linprog
 
 from hoap3.protocol.messages import schema
 from hoap3.remote_controller.problems.oracles.parameters import NOT_READ, reason_of
+from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
 from hoap3.remote_controller.problems.velocity import of_rows, settings_of
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.hierarchy import Condensed, condensed, multipliers
 from hoap3.tools.verify.controllers.velocity.task_stack import Tasks
@@ -127,7 +127,7 @@ def _ranks(run: ControllerRun, begin: Callable[[], Priorities]) -> _Ranks:
         settled = bool((alpha == before).all()) and not priorities.under_way
         stale = stale or not settled
         if (settled and stale) or not top.any():
-            top, stale = leaders(alpha), False
+            top, stale = top_tasks(alpha), False
         found.alpha[row], found.settled[row], found.top[row] = alpha, settled, top
     return found
 

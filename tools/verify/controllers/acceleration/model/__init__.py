@@ -1,1 +1,0 @@
-"""What a cycle of controllers of accelerations is made of: tasks, bounds, dynamics, priorities."""
