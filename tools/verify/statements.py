@@ -29,7 +29,7 @@ BUILDERS = {
 """Module and class in `remote_controller.problems`, by the controller's registered name; others
 have a checker of their own."""
 SAMPLE = 20_000
-"""Answers that are checked by default where each takes several milliseconds."""
+"""Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"
 PART = 5000  # answers whose findings are counted together
 
