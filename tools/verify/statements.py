@@ -24,6 +24,9 @@ BUILDERS = {
     "clik_sdp": "clik_sdp:ClikSdpProblems",
     "ghc": "ghc:GhcProblems",
     "ghc_torque": "ghc:GhcTorqueProblems",
+    "osqp": "qp12:OsqpProblems",
+    "pinv": "qp12:PinvProblems",
+    "qp12": "qp12:Qp12Problems",
     "stable_qp": "stable_qp:StableQpProblems",
 }
 """Module and class in `remote_controller.problems`, by the controller's registered name; others

@@ -66,25 +66,37 @@ def task_of(entry: Settings, robot: Robot) -> AnyTask:
         raise UnverifiableError(f"task {name} cannot be read: {error!r:.80}") from error
 
 
-def default_entry(description: RobotDescription) -> Settings:
+def default_entry(
+    description: RobotDescription,
+    point: str | None = None,
+    reference: str | None = None,
+    place: Sequence[float] | None = None,
+) -> Settings:
     """The robot's default task as an entry.
 
+    Args:
+        description: of the robot.
+        point, reference, place: instead of the task's point, the frame that it is seen from, and
+            its target, (3,) [m].
+
     Raises:
-        UnverifiableError: it has none.
+        UnverifiableError: it has no default task, and not all of it is given.
     """
     task = description.default_task
-    if task is None:
+    if task is not None:
+        point, reference = point or task.point, reference or task.reference
+        place = place or task.target_m
+    if point is None or reference is None or (place is None and task is None):
         raise UnverifiableError("the log names no task")
-    place = task.target_m
-    if place is None:
+    if place is None and task is not None:
         robot = Robot(description)
         robot.place(description.initial_position)
-        at_start = PlaceTask(Hold(3), np.ones(3), task.point, task.reference, AXES)
+        at_start = PlaceTask(Hold(3), np.ones(3), point, reference, AXES)
         place = (at_start.present(robot, np.zeros(3)) + np.array(task.move_m)).tolist()
-    target = {"kind": "point", "position_m": list(place)}
-    if task.point == COM:
-        return {"task": "com", "parameters": {"frame": task.reference, "target": target}}
-    frames = {"frame": task.point, "reference": task.reference}
+    target = {"kind": "point", "position_m": place}
+    if point == COM:
+        return {"task": "com", "parameters": {"frame": reference, "target": target}}
+    frames = {"frame": point, "reference": reference}
     return {"task": "frame_position", "parameters": {**frames, "target": target}}
 
 

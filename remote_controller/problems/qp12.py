@@ -1,0 +1,369 @@
+"""`qp12`, `osqp` and `pinv`: V = ½|e|² of a point falls at a given rate.
+
+Gonçalves et al., IEEE T-RO 2020, section V: e = p(q) − p_d [m], ∇V = Jᵀe (39), V̇ = ∇V·u = −Ψ (16).
+`qp12` and `osqp` answer with the u of (40), which (31) and (32) show to be optimal; `pinv` with
+one along −J⁺e.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hoap3.protocol.messages import schema
+from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems.history import ProblemBuilder
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete, numbers
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, task_of
+from hoap3.remote_controller.problems.statement import (
+    Array,
+    Claim,
+    ClosedForm,
+    Problem,
+    Program,
+    Rows,
+    Statement,
+)
+from hoap3.remote_controller.problems.velocity_answer import RELATIVE, VelocityAnswer
+from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma, descent_rate
+
+OF_TASK = "point", "reference_frame", "target_m"
+DEFAULTS: dict[str, Any] = {
+    **dict.fromkeys(OF_TASK),
+    "u_max_rad_s": 0.6,
+    "beta": 46.0,
+    "error_unit": ("m", "cm", "mm"),
+    "psi_scale": ("inverse_sqrt_n", "one", "max_norm"),
+    "ramp_s": 0.0,
+    "kinematics_from": ("measured", "reference"),
+}
+OF_GAMMA: dict[str, Any] = {"gamma": 0.5, "adaptive_gamma": (False, True), "gamma_slope": 100.0}
+OF_PINV: dict[str, Any] = {"law": ("lyapunov", "plain"), "gain_per_s": 10.0}
+"""Of the parameters; of several choices the first. A test compares them with the controllers'."""
+PER_M = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+DELAYED = "answers are delayed: where u starts from is not in the log"
+CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
+
+EPS = float(np.finfo(float).eps)
+PLACE = 8.0 * EPS  # m, m/rad: how exactly e and each column of J are known
+OPTIMAL = 1e-9  # greatest residual of a certified answer
+RANK = 1e-12  # of the largest singular value of J: less is 0
+FACTORISED = 5e-4  # least det J Jᵀ, rows of length 1, from which on `pinv` may factorise it
+KNOWN = 10.0  # times its error: the length from which on ∇V has a direction
+
+
+@dataclass(frozen=True)
+class Descent:
+    """What is asked of one answer, and what the answer does.
+
+    Attributes:
+        V, length: V [m²] and |e| [m].
+        error, jacobian: e, (3,) [m], and J, (3, n) [m/rad].
+        gradient, gradient_error: ∇V and how exactly it is known, (n,) [m²/rad].
+        steepest, steepest_error: their largest entries.
+        psi, psi_error: Ψ [m²/s] and its error.
+        u, u_error: of the answer, (n,) [rad/s].
+        fastest: max|u|.
+        rate, rate_error: ∇V·u [m²/s] and its error, without that of the sum itself.
+        terms: Σ|∇V_i u_i|.
+    """
+
+    V: float
+    length: float
+    error: Array
+    jacobian: Array
+    gradient: Array
+    gradient_error: Array
+    steepest: float
+    steepest_error: float
+    psi: float
+    psi_error: float
+    u: Array
+    u_error: Array
+    fastest: float
+    rate: float
+    rate_error: float
+    terms: float
+
+
+class DescentProblems(ProblemBuilder):
+    """What the three controllers share; arguments as of every `ProblemBuilder`."""
+
+    checks_every_answer: ClassVar[bool] = True
+    own: ClassVar[Mapping[str, Any]] = {}
+    """Defaults of further parameters."""
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        parameters: Mapping[str, Any],
+        session: Mapping[str, Any],
+        controller: str,
+    ) -> None:
+        super().__init__(description, parameters, session, controller)
+        self.adopt(parameters)
+        self._robot, self._delayed = Robot(description), description.delay_ticks > 0
+        point, reference, place = (self.settings[key] for key in OF_TASK)
+        place = None if place is None else numbers(place, 3, "target_m")
+        self._task = task_of(default_entry(description, point, reference, place), self._robot)
+        if self._delayed and self._kinematics_from == "reference":
+            raise UnverifiableError(DELAYED)
+
+    def adopt(self, parameters: Mapping[str, Any]) -> None:
+        """Take other numbers; the ramp goes on."""
+        self.settings = complete(parameters, DEFAULTS | self.own, "parameters", strict=False)
+        self.u_max = float(self.settings["u_max_rad_s"])
+        self.per_m = PER_M[self.settings["error_unit"]]
+        measured = self.settings["kinematics_from"] == "measured"
+        self._kinematics_from = "q" if measured else "reference"
+
+    def begin(self) -> None:
+        """Nothing but the ramp depends on the States before."""
+
+    def observe(self) -> None:
+        """Nothing is remembered of a State."""
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether a State matters to later ones: never."""
+        return False
+
+    @property
+    def share(self) -> float:
+        """Share of u_max and of the gain, while they rise after a reset."""
+        history = self.history
+        ticks = self.settings["ramp_s"] / history.description.period_s
+        done = history.periods_between(history.first, history.state) + 1.0
+        return 1.0 if done >= ticks else max(done, 1.0) / ticks
+
+    @abstractmethod
+    def residual(self, d: Descent) -> tuple[float, float]:
+        """`kkt_residual` as the controller defines it, and how exactly it is known."""
+
+    @abstractmethod
+    def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
+        """Of the answer."""
+
+    def required(self, d: Descent) -> tuple[float, float]:
+        """The V̇ that is required, and its error."""
+        return -d.psi, d.psi_error
+
+    def state_problem(self, setpoint: Any) -> Statement:
+        """Everything that the certificate claims of an answer."""
+        T = self.history.description.period_s
+        answer = VelocityAnswer.of(self.history.state, setpoint, self.settings, T)
+        d = self._descent(answer)
+        V_error = RELATIVE * d.V + d.length * PLACE
+        claims = [
+            Claim("V", setpoint["v"], d.V, V_error),
+            Claim("required V rate", setpoint["v_rate_required"], *self.required(d)),
+        ]
+        if self._delayed:
+            return Statement(
+                "delayed", (), d.u, d.u_error, tuple(claims), (("u", DELAYED),)
+            )
+        margin, near = self.u_max - d.fastest, RELATIVE * self.u_max + float(d.u_error.max())
+        rate_error = RELATIVE * d.terms + d.rate_error
+        residual, exact = self.residual(d)
+        claims += [
+            Claim("predicted V rate", setpoint["v_rate_predicted"], d.rate, rate_error),
+            Claim("rho", setpoint["rho"], 1.0, RELATIVE),
+            Claim("margin", setpoint["margin"], margin, near),
+            Claim("residual", setpoint["kkt_residual"], residual, max(exact, RELATIVE)),
+            *answer.claims(),
+        ]
+        if setpoint["solver_status"] == CERTIFIED:
+            claims += [
+                Claim("certified: residual", residual, 0.0, OPTIMAL + exact, "at_most"),
+                Claim("certified: speed", margin, 0.0, near, "at_least"),
+            ]
+        problems = tuple(self.problems(d, setpoint))
+        return Statement("answered", problems, d.u, d.u_error, tuple(claims))
+
+    def _descent(self, answer: VelocityAnswer) -> Descent:
+        self._robot.place(self.history.state[self._kinematics_from])
+        e, J, _ = self._task.at(self._robot, self.history.time_s)
+        gradient, squared, u, u_error = e @ J, float(e @ e), answer.u, answer.error
+        length = math.sqrt(squared)
+        off = PLACE * (np.sqrt((J * J).sum(0)) + length)
+        form, scales = self.settings["psi_scale"], (self.u_max * self.share, self._beta_per_m)
+        size, speed, each = np.abs(gradient), np.abs(u), gradient * u
+        psi = descent_rate(form, 0.5 * squared, gradient, length, *scales)
+        most = descent_rate(form, 0.5 * squared, size + off, length + PLACE, *scales)
+        return Descent(
+            V=0.5 * squared,
+            length=length,
+            error=e,
+            jacobian=J,
+            gradient=gradient,
+            gradient_error=off,
+            steepest=float(size.max()),
+            steepest_error=float(off.max()),
+            psi=psi,
+            psi_error=RELATIVE * psi + most - psi,  # Ψ grows with |∇V| and |e|
+            u=u,
+            u_error=u_error,
+            fastest=float(speed.max()),
+            rate=float(each.sum()),
+            rate_error=float(size @ u_error + off @ (speed + u_error)),
+            terms=float(np.abs(each).sum()),
+        )
+
+    @property
+    def _beta_per_m(self) -> float:
+        return float(self.settings["beta"]) * self.per_m
+
+
+class OsqpProblems(DescentProblems):
+    """Of `osqp`, which says of each answer how far it is from optimal."""
+
+    own = OF_GAMMA
+
+    def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
+        """None: OSQP's tolerance is wide, and the residual says what came of it."""
+        del d, setpoint
+        return []
+
+    def gamma(self, d: Descent) -> tuple[float, float]:
+        """γ of this cycle, and how exactly it is known."""
+        gamma = float(self.settings["gamma"])
+        if not self.settings["adaptive_gamma"]:
+            return gamma, 0.0
+        slope = float(self.settings["gamma_slope"]) * self.per_m**2
+        off = 2.0 / math.pi * gamma * slope * math.sqrt(d.gradient_error @ d.gradient_error)
+        gamma = adapted_gamma(d.gradient, gamma, slope)
+        return gamma, off + 2.0 * EPS * gamma
+
+    def residual(self, d: Descent) -> tuple[float, float]:
+        """How far u is from (31) and (32), relative.
+
+        With a = |∇V|, A = max a and x the motion of each joint down its gradient, u is optimal
+        where Σ a x = Ψ and, for γ < 1, x_i = w_i = max(0, (a_i t − κ(A − a_i))/A) with
+        κ = γ/(1 − γ) and the t = x of a joint at A. For γ = 1 only the joints at A move. The
+        residual is the larger one of |Σ a x − Ψ|/(Σ|a x| + Ψ) and max|x − w|/max|u|.
+        """
+        if d.psi == 0.0 and d.fastest == 0.0:
+            return 0.0, 0.0
+        doubt, off, A = float(d.u_error.max()), d.steepest_error, d.steepest
+        if A <= off:  # ∇V is all rounding: only |u|∞ ≤ Ψ/|∇V|∞ is known, (16)
+            reach = self.u_max * math.sqrt(d.u.size) * self._beta_per_m
+            return d.fastest / (reach * (d.length + PLACE) + doubt), 1.0
+        power, a, (gamma, gamma_off) = d.terms + d.psi, np.abs(d.gradient), self.gamma(d)
+        primal, exact = abs(d.rate + d.psi) / power, (d.rate_error + d.psi_error) / power
+        if d.fastest == 0.0:
+            return primal, exact
+        x = -np.sign(d.gradient) * d.u
+        still = a == 0.0
+        x[still] = -np.abs(d.u[still])
+        if gamma < 1.0:
+            t, kappa = float(x[a.argmax()]), gamma / (1.0 - gamma)
+            wanted = np.maximum(0.0, (a * t - kappa * (A - a)) / A)
+            # a and A are exact to `off`, so w to 2(t + κ) off/A + Δκ
+            bent = 2.0 * (abs(t) + kappa) * off / A + gamma_off / (1.0 - gamma) ** 2
+        else:
+            wanted, bent = np.where(a >= A - 2.0 * off, np.maximum(x, 0.0), 0.0), 0.0
+        apart = float(np.abs(x - wanted).max()) / d.fastest
+        return max(primal, apart), exact + (bent + 2.0 * doubt) / d.fastest
+
+
+class Qp12Problems(OsqpProblems):
+    """Of `qp12`, which answers with the optimum."""
+
+    def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
+        """(40), where ∇V has a direction and the answer a residual."""
+        residual, n = float(setpoint["kkt_residual"]), d.u.size
+        if not d.steepest > KNOWN * math.sqrt(n) * d.steepest_error or not residual < np.inf:
+            return []
+        return [lambda: self._program(d, residual)]
+
+    def _program(self, d: Descent, residual: float) -> Program:
+        """Min γ|u|₁ + ½(1 − γ)|u|² such that ∇V·u = −Ψ.
+
+        An answer with a residual r is within 4n·r·max|u| of the optimum (`qp12_kkt_residual`).
+        """
+        n, (gamma, gamma_off) = d.u.size, self.gamma(d)
+        eye, zero, psi = np.eye(n), np.zeros(n), np.array([-d.psi])
+        error = 4.0 * n * residual * d.fastest
+        if gamma < 1.0:
+            error += gamma_off / (1.0 - gamma) ** 2  # of κ, which is a speed
+        near = d.rate_error + d.psi_error + residual * (d.terms + d.psi)
+        rows = Rows(
+            d.gradient[None],
+            np.zeros(1),
+            psi,
+            psi,
+            np.array([near]),
+            np.array([d.steepest_error]),
+            np.zeros(1, bool),
+        )
+        R, l1 = math.sqrt(1.0 - gamma) * eye, np.full(n, gamma)
+        return Program(R, zero, zero, l1, rows, eye, zero, np.full(n, error), d.u)
+
+
+class PinvProblems(DescentProblems):
+    """Of `pinv`: u = −k·J⁺e, with the k that gives V̇ = −Ψ, or a given one (`law: plain`)."""
+
+    own = OF_PINV
+
+    @property
+    def plain(self) -> bool:
+        """Whether k is given, and nothing is required of V̇ but that V does not rise."""
+        return bool(self.settings["law"] == "plain")
+
+    def required(self, d: Descent) -> tuple[float, float]:
+        """The V̇ that is required, and its error."""
+        return (0.0, 0.0) if self.plain else super().required(d)
+
+    def residual(self, d: Descent) -> tuple[float, float]:
+        """Of ∇V·u = −Ψ, relative to all that adds to it, or of V̇ ≤ 0 of the plain law."""
+        psi, off = (0.0, 0.0) if self.plain else (d.psi, d.psi_error)
+        missing, scale = max(0.0, d.rate) if self.plain else abs(d.rate + psi), d.terms + psi
+        exact = (d.rate_error + off) / scale if scale > 0.0 else 0.0
+        return missing / scale if missing else 0.0, exact
+
+    def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
+        """The one answer that there is."""
+        del setpoint
+        return [lambda: self._closed_form(d)]
+
+    def _closed_form(self, d: Descent) -> ClosedForm:
+        step, step_off = _step(d.jacobian, d.error)
+        rate, length = float(d.gradient @ step), float(np.linalg.norm(step))
+        if self.plain:
+            k, k_off = float(self.settings["gain_per_s"]) * self.share, 0.0
+        elif rate == 0.0:
+            k, k_off = 0.0, 0.0
+        else:
+            slope = float(np.linalg.norm(d.gradient))
+            rate_off = float(d.gradient_error @ np.abs(step)) + slope * step_off
+            k = -d.psi / rate
+            k_off = k * rate_off / abs(rate) - d.psi_error / rate
+        wanted = k * step
+        off = RELATIVE * float(np.abs(wanted).max()) + abs(k) * step_off + k_off * length
+        return ClosedForm((wanted,), np.full(wanted.size, off))
+
+
+def _step(J: Array, e: Array) -> tuple[Array, float]:
+    """−J⁺e, (n,), and how exactly it is known: Δ(J⁺e) of Wedin, 1973, and rounding of J Jᵀ.
+
+    With |Δe| and each column of ΔJ at most `PLACE`, |Δ(J⁺e)| ≤ |J⁺|·(|Δe| + 2|ΔJ|·|J⁺e|). Rounding
+    adds 8 units of κ³ where J Jᵀ is factorised, κ of J with rows of length 1, else of |J|·|J⁺|.
+    """
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    used = s > RANK * s[0]
+    if not used.any():
+        return np.zeros(J.shape[1]), 0.0
+    step = -(Vt[used].T / s[used]) @ (U[:, used].T @ e)
+    length, least = float(np.linalg.norm(step)), float(s[used][-1])
+    size = np.linalg.norm(J, axis=1, keepdims=True)
+    apart = np.linalg.svd(J / np.where(size > 0.0, size, 1.0), compute_uv=False)
+    factorised = float(np.prod(apart)) ** 2 > FACTORISED
+    rounding = (apart[0] / apart[-1]) ** 3 if factorised else s[0] / least
+    off = (1.0 + 2.0 * math.sqrt(J.shape[1]) * length) / least + (1.0 + rounding) * length
+    return step, PLACE * off
