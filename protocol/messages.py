@@ -106,6 +106,12 @@ class Schema:
             )
         return lengths
 
+    def fits(self, payload: bytes, lengths: tuple[int, ...]) -> bool:
+        """Whether a payload is such a message; `lengths` are those of all arrays, in their order."""
+        layout = _layout(self, lengths)
+        frame = layout.frame
+        return len(payload) == frame.size and frame.unpack(payload) == layout.expected
+
     def measure(self, payload: bytes) -> tuple[dict[str, int], int]:
         """Array lengths that the begin of `payload` states, and the size of such a message.
 

@@ -7,7 +7,7 @@ may hold the answer where the answer is at its limit to that error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from hoap3.remote_controller.problems.statement import (
     Array,
     Claim,
     ClosedForm,
+    Flags,
     GainProgram,
     MaximalRate,
     Problem,
@@ -31,10 +32,10 @@ ROUNDING = 64.0 * float(np.finfo(float).eps)
 STEPS = 100  # of non-negative least squares, for each unknown
 CLOSE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 INFEASIBLE = 2  # status of scipy's linprog
+TINY = 1e-290  # in place of 0, so that all but 0 is many times as large
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """One comparison.
 
     Attributes:
@@ -94,28 +95,27 @@ def _worst(findings: list[Finding]) -> float:
 
 
 def _compared(claim: Claim) -> Finding:
-    difference = claim.stated - claim.value
-    if claim.stated == claim.value or (np.isnan(claim.stated) and np.isnan(claim.value)):
+    name, stated, value, error, relation = claim
+    stated, value = float(stated), float(value)
+    difference = stated - value
+    if stated == value or (math.isnan(stated) and math.isnan(value)):
         off = 0.0
-    elif claim.relation == "equal":
+    elif math.isnan(difference):
+        off = difference
+    elif relation == "equal":
         off = abs(difference)
     else:
-        off = max(difference if claim.relation == "at_most" else -difference, 0.0)
-        off = off if difference == difference else np.nan  # noqa: PLR0124 (max forgets a NaN)
-    return Finding(claim.name, claim.stated, claim.value, float(off), claim.error)
+        off = max(difference if relation == "at_most" else -difference, 0.0)
+    return Finding(name, stated, value, off, float(error))
 
 
 def _largest(name: str, off: Array, allowed: Array) -> Finding:
     """The finding of the entry that is worst, relative to what is allowed."""
     if not off.size:
         return Finding(name, 0.0, 0.0, 0.0, 0.0)
-    if (off <= 0.0).all():
-        at = int(np.argmax(off))
-        return Finding(name, float(off[at]), 0.0, 0.0, float(allowed[at]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(off <= 0.0, 0.0, off / allowed)
-    at = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
-    return Finding(name, float(off[at]), 0.0, max(float(off[at]), 0.0), float(allowed[at]))
+    at = (off / np.maximum(allowed, TINY)).argmax()  # the first NaN where there are any
+    worst = float(off[at])
+    return Finding(name, worst, 0.0, max(worst, 0.0), float(allowed[at]))
 
 
 def _check_closed_form(problem: ClosedForm, answer: Array, error: Array) -> list[Finding]:
@@ -159,7 +159,7 @@ def _variables(problem: Program, answer: Array) -> tuple[Array, Array]:
     N = E.shape[1]
     if problem.z is not None:
         z = problem.z
-    elif _is_identity(E):
+    elif problem.shows_all:
         z = answer - e
     else:  # of all that give the answer those of the least cost
         H, f = problem.R.T @ problem.R, problem.c - problem.R.T @ problem.r
@@ -168,7 +168,7 @@ def _variables(problem: Program, answer: Array) -> tuple[Array, Array]:
         d = np.concatenate([answer - e, (problem.rows.lower - problem.rows.a)[equal]])
         K = np.block([[H, C.T], [C, np.zeros((len(C), len(C)))]])
         z = np.linalg.lstsq(K, np.concatenate([-f, d]), rcond=None)[0][:N]
-    return z, E if _is_identity(E) else np.asarray(np.linalg.pinv(E), float)
+    return z, E if problem.shows_all else np.asarray(np.linalg.pinv(E), float)
 
 
 class _Sides(NamedTuple):
@@ -181,20 +181,19 @@ class _Sides(NamedTuple):
 def _check_program(problem: Program, answer: Array, answer_error: Array) -> list[Finding]:
     """That z keeps the rows, and that multipliers show its cost to be the least."""
     z, to_z = _variables(problem, answer)
-    given = problem.E @ z + problem.e
-    size = np.abs(problem.E) @ np.abs(z) + np.abs(problem.e)
-    same = _largest("answer", np.abs(given - answer), answer_error + ROUNDING * size)
-    rows = problem.rows
-    v = rows.A @ z + rows.a
-    of_answer = np.abs(rows.A @ to_z)
-    near = rows.error + of_answer @ answer_error + ROUNDING * (np.abs(rows.A) @ np.abs(z))
+    rows, size = problem.rows, np.abs(z)
+    terms = np.abs(problem.E) @ size + np.abs(problem.e)
+    off = np.abs(problem.E @ z + problem.e - answer)
+    same = _largest("answer", off, answer_error + ROUNDING * terms)
+    v, of_answer = rows.A @ z + rows.a, np.abs(rows.A @ to_z)
+    near = rows.error + of_answer @ answer_error + ROUNDING * (np.abs(rows.A) @ size)
     over, under = v - rows.upper, rows.lower - v
     beyond = np.where(rows.optional, -np.inf, np.maximum(over, under))
     kept = _largest("rows", beyond, near)
     near = near + of_answer @ problem.error  # the optimum may be at a limit where z is not quite
     upper, lower = np.abs(over) <= near, np.abs(under) <= near
     sides = _Sides(
-        np.vstack([rows.A[upper], -rows.A[lower]]),
+        np.concatenate([rows.A[upper], -rows.A[lower]]),
         np.concatenate([rows.A_error[upper], rows.A_error[lower]]),
     )
     off, allowed = _stationarity(problem, z, to_z, answer_error, sides)
@@ -219,39 +218,43 @@ def _stationarity(
     Returns:
         (q,) and how large each may be, (q,).
     """
-    R, l1, normals = problem.R, problem.l1, sides.normals
-    H = R.T @ R
-    D, away = _to_answer(H, problem.E), np.abs(to_z) @ problem.error
-    still = (np.abs(z) <= np.abs(to_z) @ answer_error + away) & (l1 > 0.0)
+    R, l1, normals, size = problem.R, problem.l1, sides.normals, np.abs(z)
+    H, reach = R.T @ R, np.abs(to_z)
+    D, away = _to_answer(H, problem), reach @ problem.error
+    still = (size <= reach @ answer_error + away) & (l1 > 0.0)
     smooth = H @ z - R.T @ problem.r + problem.c + np.where(still, 0.0, l1 * np.sign(z))
-    sizes = np.abs(H) @ np.abs(z) + np.abs(R).T @ np.abs(problem.r) + np.abs(problem.c) + l1
-    most = away if _is_identity(problem.E) else np.concatenate([problem.error, away])
-    flat = np.full(len(D) - len(most), float(problem.error.max(initial=0.0)))
-    most = np.append(most, flat)
+    sizes = np.abs(H) @ size + np.abs(R).T @ np.abs(problem.r) + np.abs(problem.c) + l1
+    most = away if problem.shows_all else np.concatenate([problem.error, away])
+    if len(D) > len(most):
+        flat = np.full(len(D) - len(most), problem.error.max(initial=0.0))
+        most = np.concatenate([most, flat])
+    doubt, scale = ROUNDING * sizes + np.abs(H @ to_z) @ answer_error, np.abs(D)
     off, allowed = np.full(len(D), np.inf), most
     for multipliers in (_of_moving, _of_all):
-        held = multipliers(D, smooth, normals, np.diag(l1)[still])
-        pull = smooth + normals.T @ held
+        held = multipliers(D, smooth, normals, still, l1)
+        pull = smooth + held @ normals
         pull[still] = np.sign(pull[still]) * np.maximum(np.abs(pull[still]) - l1[still], 0.0)
-        doubt = ROUNDING * (sizes + np.abs(normals).T @ held) + np.abs(H @ to_z) @ answer_error
-        off, allowed = np.abs(D @ pull), most + np.abs(D) @ (doubt + sides.A_error @ held)
+        rounding = doubt + ROUNDING * (held @ np.abs(normals))
+        off, allowed = np.abs(D @ pull), most + scale @ (rounding + sides.A_error @ held)
         if (off <= allowed).all() or not still.any():
             break
     return off, allowed
 
 
-def _of_moving(D: Array, smooth: Array, normals: Array, bends: Array) -> Array:
+def _of_moving(D: Array, smooth: Array, normals: Array, still: Flags, l1: Array) -> Array:
     """Multipliers for the variables that an ℓ1 cost does not hold at 0, which mostly suffice."""
-    free = ~bends.any(0)
+    del l1
+    free = ~still
     D = D[:, free]
     return _non_negative(D @ normals[:, free].T, -D @ smooth[free])
 
 
-def _of_all(D: Array, smooth: Array, normals: Array, bends: Array) -> Array:
+def _of_all(D: Array, smooth: Array, normals: Array, still: Flags, l1: Array) -> Array:
     """Multipliers of sides, (k,), together with those −1 ≤ σ ≤ 1 of variables that stand still.
 
     The unknowns of least squares are not negative: σ + 1 and 1 − σ, which add up to 2.
     """
+    bends = np.diag(l1)[still]
     k, s = len(normals), len(bends)
     target = -D @ (smooth - bends.sum(0))
     A = np.zeros((len(target) + s, k + 2 * s))
@@ -261,36 +264,29 @@ def _of_all(D: Array, smooth: Array, normals: Array, bends: Array) -> Array:
     return _non_negative(A, np.append(target, np.full(s, 2.0 * weight)))[:k]
 
 
-def _is_identity(E: Array) -> bool:
-    """Whether the answer is z."""
-    return E.shape[0] == E.shape[1] and bool((np.eye(len(E)) == E).all())
-
-
-def _to_answer(H: Array, E: Array) -> Array:
+def _to_answer(H: Array, problem: Program) -> Array:
     """What maps a gradient to a change of the answer and of all variables, (q, N).
 
     The variables as well: one that the answer does not show, such as a slack, may hide that the
     answer is not optimal.
     """
     curvature, N = H.diagonal(), len(H)
-    if curvature.all() and np.count_nonzero(H) == N:
-        inverse, free = np.diag(1.0 / curvature), np.zeros((N, 0))
+    if np.count_nonzero(H) == np.count_nonzero(curvature) == N:
+        parts = [np.diag(1.0 / curvature)]
     else:
         values, vectors = np.linalg.eigh(H)
         curved = values > ROUNDING * values[-1]
         bent, free = vectors[:, curved], vectors[:, ~curved]
-        inverse = (bent / values[curved]) @ bent.T
         free = free / (float(values[curved].mean()) if curved.any() else 1.0)
-    if _is_identity(E):
-        return np.vstack([inverse, free.T])
-    return np.vstack([E @ inverse, inverse, free.T])
+        parts = [(bent / values[curved]) @ bent.T, free.T]
+    return np.concatenate(parts if problem.shows_all else [problem.E @ parts[0], *parts])
 
 
 def _non_negative(A: Array, b: Array) -> Array:
     """The x ≥ 0 with the least |A x − b|, for columns of any length."""
     if not A.shape[1]:
         return np.zeros(0)
-    length = np.linalg.norm(A, axis=0)
+    length = np.sqrt((A * A).sum(0))
     length[length == 0.0] = 1.0
     try:
         found: Array = nnls(A / length, b, maxiter=STEPS * A.shape[1])[0] / length

@@ -26,6 +26,7 @@ HELD_BACK = "a change is held back"
 """The condition under which changes wait."""
 FINITE = ("q", "reference")
 """Fields of a State without which a cycle cannot be repeated."""
+_Layout = tuple[tuple[int, ...], np.dtype[Any]]
 
 
 class History:
@@ -44,6 +45,7 @@ class History:
             none.
         answer, last_answer: the answers to `state` and `last`, as rows; None where there is none.
         first: the first finite State since the last reset.
+        finite: whether `state` can be computed with.
         fresh: whether `state` is `first`.
         was_reset: whether the controller was reset at `state`.
         known: whether the log has everything since the last reset.
@@ -62,23 +64,18 @@ class History:
         self.last_answer: Any = None
         self.before: Any = None
         self.first: Any = None
-        self.fresh, self.known, self.was_reset = False, False, False
+        self.finite = self.fresh = self.known = self.was_reset = False
         self.conditions: set[str] = set()
         self.changes: list[tuple[int, dict[str, Any]]] = []
         self.states, self.rejected = 0, 0
         self.needed: tuple[str, ...] = FINITE
         self._gap = self._skips_answers = False
-        self._layouts: dict[tuple[type[Message], tuple[int, ...]], np.dtype[Any]] = {}
+        self._layouts: dict[type[Message], _Layout] = {}  # of the newest message
 
     @property
     def time_s(self) -> float:
         """Of the newest State [s]."""
         return int(self.state["tick"]) * self.description.period_s
-
-    @property
-    def finite(self) -> bool:
-        """Whether the newest State can be computed with."""
-        return is_finite(self.state, *self.needed)
 
     def periods_between(self, earlier: Any, later: Any) -> int:
         """Periods of the robot between two States, without those that it skipped."""
@@ -87,20 +84,25 @@ class History:
 
     def parse(self, message: type[State] | type[Setpoint], payload: bytes) -> Any | None:
         """A message as a row; None where it is not one of this run."""
+        known = self._layouts.get(message)
+        if known is None or not message.schema.fits(payload, known[0]):
+            known = self._layout_of(message, payload)
+            if known is None:
+                return None
+            self._layouts[message] = known
+        return np.frombuffer(payload, known[1])[0]
+
+    def _layout_of(self, message: type[Message], payload: bytes) -> _Layout | None:
+        """Lengths of a message's arrays, and its layout; None where it is not one of this run."""
         try:
-            lengths = tuple(message.schema.lengths_in(payload).values())
+            sizes = message.schema.lengths_in(payload)
         except WireError:
             return None
-        sizes = dict(zip(message.schema.arrays, lengths, strict=True))
         if sizes["q" if message is State else "values"] != self.description.n:
             return None
         if message is Setpoint and sizes["extra"] != len(self.session.get("extra") or ()):
             return None
-        dtype = self._layouts.get((message, lengths))
-        if dtype is None:
-            dtype = message.schema.dtype(sizes)
-            self._layouts[message, lengths] = dtype
-        return np.frombuffer(payload, dtype)[0]
+        return tuple(sizes.values()), message.schema.dtype(sizes)
 
     def take_state(self, state: Any) -> None:
         """Make a State the newest one."""
@@ -111,7 +113,8 @@ class History:
             if self.first is not None and self.periods_between(last, state) > 0:
                 self.before = last
         self.answer, self._skips_answers = None, False
-        self.state, self.fresh, self.was_reset, self._gap = state, False, False, False
+        self.state, self.finite = state, is_finite(state, *self.needed)
+        self.fresh = self.was_reset = self._gap = False
         if self.first is None and self.finite:
             self.first, self.fresh = state, True
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +104,12 @@ class Program:
     error: Array
     z: Array | None = None
 
+    @cached_property
+    def shows_all(self) -> bool:
+        """Whether E is the identity: the answer shows all of z."""
+        p, N = self.E.shape
+        return p == N == np.count_nonzero(self.E) and bool((self.E.diagonal() == 1.0).all())
+
 
 @dataclass(frozen=True)
 class MaximalRate:
@@ -169,8 +176,7 @@ class GainProgram:
 Problem = Program | MaximalRate | ClosedForm | GainProgram
 
 
-@dataclass(frozen=True)
-class Claim:
+class Claim(NamedTuple):
     """A number that the log states.
 
     Attributes:

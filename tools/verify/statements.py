@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
 from typing import Any
@@ -14,7 +15,7 @@ from hoap3.protocol.errors import FrameNotFoundError, UsageError
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.singularity import LEAVING
-from hoap3.remote_controller.problems.check import Finding, check
+from hoap3.remote_controller.problems.check import check
 from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.tools.verify.claims import Claims
@@ -67,7 +68,7 @@ def check_statements(
         say: takes progress, for people.
     """
     chance = random.Random(seed)
-    gathered: dict[str, list[tuple[int, Finding]]] = {}
+    gathered: dict[str, array[float]] = {}
     missing = 0
     try:
         for kind, _, payload in records:
@@ -89,9 +90,9 @@ def check_statements(
                 continue
             for name, reason in statement.unverified:
                 claims.unverified(name, 1, reason)
-            tick = int(builder.history.state["tick"])
-            for finding in check(statement):
-                gathered.setdefault(finding.name, []).append((tick, finding))
+            tick = float(builder.history.state["tick"])
+            for name, *numbers in check(statement):
+                gathered.setdefault(name, array("d")).extend((tick, *numbers))
     finally:
         _count(gathered, claims)
         claims.unverified("certificate", missing, MISSING)
@@ -172,10 +173,8 @@ class _Engagement:
             yield record
 
 
-def _count(gathered: dict[str, list[tuple[int, Finding]]], claims: Claims) -> None:
-    """Hand findings over, by their names."""
+def _count(gathered: dict[str, array[float]], claims: Claims) -> None:
+    """Hand findings over, by their names: tick, and the four numbers of a `Finding`."""
     for name, found in gathered.items():
-        ticks = np.array([tick for tick, _ in found], np.int64)
-        numbers: Any = np.array([(f.stated, f.found, f.off, f.allowed) for _, f in found], float).T
-        claims.compared(name, ticks, *numbers)
+        claims.compared(name, *np.array(found).reshape(-1, 5).T)
     gathered.clear()
