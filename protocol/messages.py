@@ -107,7 +107,7 @@ class Schema:
         return lengths
 
     def fits(self, payload: bytes, lengths: tuple[int, ...]) -> bool:
-        """Whether a payload is such a message; `lengths` are those of all arrays, in their order."""
+        """Whether a payload is such a message with arrays of these lengths, in their order."""
         layout = _layout(self, lengths)
         frame = layout.frame
         return len(payload) == frame.size and frame.unpack(payload) == layout.expected

@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -58,8 +57,7 @@ FACTORISED = 5e-4  # least det J Jᵀ, rows of length 1, from which on `pinv` ma
 KNOWN = 10.0  # times its error: the length from which on ∇V has a direction
 
 
-@dataclass(frozen=True)
-class Descent:
+class Descent(NamedTuple):
     """What is asked of one answer, and what the answer does.
 
     Attributes:
@@ -109,6 +107,7 @@ class DescentProblems(ProblemBuilder):
         super().__init__(description, parameters, session, controller)
         self.adopt(parameters)
         self._robot, self._delayed = Robot(description), description.delay_ticks > 0
+        self._eye = np.eye(description.n)
         point, reference, place = (self.settings[key] for key in OF_TASK)
         place = None if place is None else numbers(place, 3, "target_m")
         self._task = task_of(default_entry(description, point, reference, place), self._robot)
@@ -165,9 +164,7 @@ class DescentProblems(ProblemBuilder):
             Claim("required V rate", setpoint["v_rate_required"], *self.required(d)),
         ]
         if self._delayed:
-            return Statement(
-                "delayed", (), d.u, d.u_error, tuple(claims), (("u", DELAYED),)
-            )
+            return Statement("delayed", (), d.u, d.u_error, tuple(claims), (("u", DELAYED),))
         margin, near = self.u_max - d.fastest, RELATIVE * self.u_max + float(d.u_error.max())
         rate_error = RELATIVE * d.terms + d.rate_error
         residual, exact = self.residual(d)
@@ -251,7 +248,7 @@ class OsqpProblems(DescentProblems):
         if d.psi == 0.0 and d.fastest == 0.0:
             return 0.0, 0.0
         doubt, off, A = float(d.u_error.max()), d.steepest_error, d.steepest
-        if A <= off:  # ∇V is all rounding: only |u|∞ ≤ Ψ/|∇V|∞ is known, (16)
+        if off >= A:  # ∇V is all rounding: only |u|∞ ≤ Ψ/|∇V|∞ is known, (16)
             reach = self.u_max * math.sqrt(d.u.size) * self._beta_per_m
             return d.fastest / (reach * (d.length + PLACE) + doubt), 1.0
         power, a, (gamma, gamma_off) = d.terms + d.psi, np.abs(d.gradient), self.gamma(d)
@@ -288,7 +285,7 @@ class Qp12Problems(OsqpProblems):
         An answer with a residual r is within 4n·r·max|u| of the optimum (`qp12_kkt_residual`).
         """
         n, (gamma, gamma_off) = d.u.size, self.gamma(d)
-        eye, zero, psi = np.eye(n), np.zeros(n), np.array([-d.psi])
+        zero, psi = np.zeros(n), np.array([-d.psi])
         error = 4.0 * n * residual * d.fastest
         if gamma < 1.0:
             error += gamma_off / (1.0 - gamma) ** 2  # of κ, which is a speed
@@ -302,8 +299,8 @@ class Qp12Problems(OsqpProblems):
             np.array([d.steepest_error]),
             np.zeros(1, bool),
         )
-        R, l1 = math.sqrt(1.0 - gamma) * eye, np.full(n, gamma)
-        return Program(R, zero, zero, l1, rows, eye, zero, np.full(n, error), d.u)
+        R, l1 = math.sqrt(1.0 - gamma) * self._eye, np.full(n, gamma)
+        return Program(R, zero, zero, l1, rows, self._eye, zero, np.full(n, error), d.u)
 
 
 class PinvProblems(DescentProblems):

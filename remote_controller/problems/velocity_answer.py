@@ -60,8 +60,8 @@ class VelocityAnswer:
             numbers = float(self.values[worst]), float(expected[worst]), float(allowed[worst])
             claims.append(Claim("setpoint", *numbers))
         speed, near = np.abs(self.u), np.maximum(self.error, RELATIVE * ACTIVE)
-        most, least = (speed >= ACTIVE - near).sum(), (speed >= ACTIVE + near).sum()
-        stated = float(self.active_joints)
-        claims.append(Claim("active joints, at most", stated, float(most), 0.0, "at_most"))
-        claims.append(Claim("active joints, at least", stated, float(least), 0.0, "at_least"))
+        most, least = (np.count_nonzero(speed >= each) for each in (ACTIVE - near, ACTIVE + near))
+        stated = self.active_joints
+        claims.append(Claim("active joints, at most", stated, most, 0.0, "at_most"))
+        claims.append(Claim("active joints, at least", stated, least, 0.0, "at_least"))
         return claims

@@ -22,11 +22,11 @@ def descent_rate(
     form: str, V: float, gradient: Array, error: float, first: float, second: float
 ) -> float:
     """Ψ of a form: (16) with R of (41), first u_max and second β; else η and κ (III-C)."""
-    R, norm = 2.0 / math.pi * math.atan(second * error), float(np.linalg.norm(gradient))
-    return {
-        "inverse_sqrt_n": first * norm * R / math.sqrt(gradient.size),
-        "one": first * norm * R,
-        "max_norm": first * float(np.abs(gradient).max()) * R,
-        "tanh": first * V * math.tanh(second * norm),
-        "exponential": first * V,
-    }[form]
+    if form == "tanh":
+        return first * V * math.tanh(second * float(np.linalg.norm(gradient)))
+    if form == "exponential":
+        return first * V
+    steepness = float(np.linalg.norm(gradient, np.inf if form == "max_norm" else None))
+    if form == "inverse_sqrt_n":
+        steepness /= math.sqrt(gradient.size)
+    return first * steepness * 2.0 / math.pi * math.atan(second * error)
