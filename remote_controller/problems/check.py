@@ -181,15 +181,16 @@ class _Sides(NamedTuple):
 def _check_program(problem: Program, answer: Array, answer_error: Array) -> list[Finding]:
     """That z keeps the rows, and that multipliers show its cost to be the least."""
     z, to_z = _variables(problem, answer)
-    rows, size = problem.rows, np.abs(z)
-    terms = np.abs(problem.E) @ size + np.abs(problem.e)
-    off = np.abs(problem.E @ z + problem.e - answer)
-    same = _largest("answer", off, answer_error + ROUNDING * terms)
+    rows, size, found = problem.rows, np.abs(z), []
+    if not problem.shows_all or problem.z is not None:
+        terms = np.abs(problem.E) @ size + np.abs(problem.e)
+        off = np.abs(problem.E @ z + problem.e - answer)
+        found.append(_largest("answer", off, answer_error + ROUNDING * terms))
     v, of_answer = rows.A @ z + rows.a, np.abs(rows.A @ to_z)
     near = rows.error + of_answer @ answer_error + ROUNDING * (np.abs(rows.A) @ size)
     over, under = v - rows.upper, rows.lower - v
     beyond = np.where(rows.optional, -np.inf, np.maximum(over, under))
-    kept = _largest("rows", beyond, near)
+    found.append(_largest("rows", beyond, near))
     near = near + of_answer @ problem.error  # the optimum may be at a limit where z is not quite
     upper, lower = np.abs(over) <= near, np.abs(under) <= near
     sides = _Sides(
@@ -197,7 +198,7 @@ def _check_program(problem: Program, answer: Array, answer_error: Array) -> list
         np.concatenate([rows.A_error[upper], rows.A_error[lower]]),
     )
     off, allowed = _stationarity(problem, z, to_z, answer_error, sides)
-    return [same, kept, _largest("optimum", off, allowed)]
+    return [*found, _largest("optimum", off, allowed)]
 
 
 def _stationarity(
@@ -222,7 +223,8 @@ def _stationarity(
     H, reach = R.T @ R, np.abs(to_z)
     D, away = _to_answer(H, problem), reach @ problem.error
     still = (size <= reach @ answer_error + away) & (l1 > 0.0)
-    smooth = H @ z - R.T @ problem.r + problem.c + np.where(still, 0.0, l1 * np.sign(z))
+    slack = np.where(still, l1, 0.0)
+    smooth = H @ z - R.T @ problem.r + problem.c + (l1 - slack) * np.sign(z)
     sizes = np.abs(H) @ size + np.abs(R).T @ np.abs(problem.r) + np.abs(problem.c) + l1
     most = away if problem.shows_all else np.concatenate([problem.error, away])
     if len(D) > len(most):
@@ -233,7 +235,7 @@ def _stationarity(
     for multipliers in (_of_moving, _of_all):
         held = multipliers(D, smooth, normals, still, l1)
         pull = smooth + held @ normals
-        pull[still] = np.sign(pull[still]) * np.maximum(np.abs(pull[still]) - l1[still], 0.0)
+        pull -= np.maximum(np.minimum(pull, slack), -slack)
         rounding = doubt + ROUNDING * (held @ np.abs(normals))
         off, allowed = np.abs(D @ pull), most + scale @ (rounding + sides.A_error @ held)
         if (off <= allowed).all() or not still.any():

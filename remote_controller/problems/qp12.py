@@ -300,7 +300,7 @@ class Qp12Problems(OsqpProblems):
             np.zeros(1, bool),
         )
         R, l1 = math.sqrt(1.0 - gamma) * self._eye, np.full(n, gamma)
-        return Program(R, zero, zero, l1, rows, self._eye, zero, np.full(n, error), d.u)
+        return Program(R, zero, zero, l1, rows, self._eye, zero, np.full(n, error))
 
 
 class PinvProblems(DescentProblems):
