@@ -28,9 +28,6 @@ FUNCTIONS = {
     "ghc_velocity": "velocity.ghc_velocity:check",
     "hqp": "acceleration.hqp:check",
     "joint_acceleration": "acceleration.joint_acceleration:check",
-    "osqp": "lyapunov_descent:check",
-    "pinv": "lyapunov_descent:check_pinv",
-    "qp12": "lyapunov_descent:check",
     "tsid": "acceleration.tsid:check",
     "weighted": "acceleration.weighted:check",
 }

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driven import driven, recorded
+from driven import recorded
 from support.checked_answers import check_answers
 
 from hoap3.protocol.config.settings import parse
@@ -21,8 +21,6 @@ from hoap3.remote_controller.scheduling import priorities as scheduling
 from hoap3.remote_controller.scheduling.priorities import PrioritySettings, top_level
 from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
 from hoap3.tools.verify.changes import OF_CHANGES
-from hoap3.tools.verify.checkers import checker_of
-from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
 from hoap3.tools.verify.controllers.velocity import ghc_velocity
 from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers
@@ -184,16 +182,15 @@ CENTIMETRES = {"error_unit": "cm", **ADAPTIVE, "gamma_slope": 5e-3, "ramp_s": 0.
 SLOPED = {"kind": "qp12", **ADAPTIVE, "gamma_slope": 1e4}
 
 
-def false_claims(name, run, parameters):
-    claims = Claims()
-    checker_of(name)(run, parameters, claims)
+def false_claims(name, records, parameters):
+    claims = check_answers(records, name, parameters)
     assert claims.checked > 0
     return {claim for claim, count in claims.counts.items() if count.false}
 
 
 @pytest.fixture(scope="module", params=["qp12", "osqp"])
 def centimetres(request):
-    return request.param, *driven(request.param, "hoap3", 80, **CENTIMETRES)
+    return request.param, *recorded(request.param, "hoap3", 80, **CENTIMETRES)
 
 
 def test_what_was_answered_in_centimetres_is_true(centimetres):
@@ -205,8 +202,8 @@ def test_what_was_answered_in_centimetres_is_true(centimetres):
     [({"error_unit": "m"}, "required V rate"), ({"gamma_slope": 100.0}, "residual")],
 )
 def test_another_unit_or_slope_is_found(centimetres, change, claim):
-    name, run, parameters = centimetres
-    assert claim in false_claims(name, run, {**parameters, **change})
+    name, records, parameters = centimetres
+    assert claim in false_claims(name, records, {**parameters, **change})
 
 
 def test_the_slope_of_stable_qp_is_used():

@@ -34,12 +34,12 @@ from tampering import (
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify import verify as verify_module
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
 from hoap3.tools.verify.forked import Forked, gather
-from hoap3.tools.verify.point_task import PointTask
 from hoap3.tools.verify.verify import verify
 
 SIDES = "emulator", "controller"
@@ -65,12 +65,9 @@ def test_a_true_log_is_true(robot, controller, tmp_path):
     ["qp12", *(pytest.param(name, marks=pytest.mark.slow) for name in ("pinv", "osqp"))],
 )
 def test_a_robot_that_all_but_rests_at_its_target_is_no_false_alarm(controller, tmp_path):
-    description = load("hoap3")
-    assert description.default_task is not None
-    start = {"target_m": [0.0, 0.0, 0.0], "point": description.default_task.point}
-    task = PointTask.of(description, start)
-    assert task is not None
-    place, _ = task.at(description.initial_position)
+    robot = Robot(load("hoap3"))
+    robot.place(robot.description.initial_position)
+    place = robot.com_point(robot.description.default_task.reference)
     for number, away in enumerate((1e-12, 1e-9)):
         target = "controller.parameters.target_m=" + json.dumps((place + away).tolist())
         run = ran(tmp_path / str(number), "--controller", controller, sets=[target])
@@ -427,16 +424,15 @@ def test_every_registered_controller_has_a_checker():
 
 
 def test_defaults_are_those_of_the_controllers():
+    from hoap3.remote_controller.problems.qp12 import DEFAULTS
     from hoap3.remote_controller.registry import find
-    from hoap3.tools.verify.controllers.lyapunov_descent import DEFAULTS
+    from hoap3.tools.verify.statements import builder_of
 
     for name in ("qp12", "pinv", "osqp"):
         known = find(name).Parameters.model_fields
-        for key in DEFAULTS.keys() & known.keys():
-            if key != "gamma" or name != "pinv":
-                usual = DEFAULTS[key]
-                first = usual[0] if isinstance(usual, tuple) else usual
-                assert known[key].default == first, (name, key)
+        for key, usual in {**DEFAULTS, **builder_of(name).own}.items():
+            first = usual[0] if isinstance(usual, tuple) else usual
+            assert known[key].default == first, (name, key)
 
 
 def _blocks(path: Path) -> set[tuple[str, ...]]:
