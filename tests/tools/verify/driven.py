@@ -88,6 +88,7 @@ def recorded(
     with collected() as live:
         controller = known.configured(description, parsed, config)
     controller.live = tuple(live)
+    controller.begin_changes()
     clock, recorder = VirtualClock(1_000), MemoryRecorder()
     loop = ControllerLoop(controller, clock, recorder, SESSION)
     loop.begin(description, lockstep=True)
