@@ -68,6 +68,7 @@ class History:
         self.conditions: set[str] = set()
         self.changes: list[tuple[int, dict[str, Any]]] = []
         self.states, self.rejected = 0, 0
+        self._reset_at: Any = None
         self.needed: tuple[str, ...] = FINITE
         self._gap = self._skips_answers = False
         self._layouts: dict[type[Message], _Layout] = {}  # of the newest message
@@ -76,6 +77,12 @@ class History:
     def time_s(self) -> float:
         """Of the newest State [s]."""
         return int(self.state["tick"]) * self.description.period_s
+
+    def share_of_ramp(self, ramp_s: float) -> float:
+        """Share of Ψ at the newest State: it rises in a time [s], from the State of the reset."""
+        ticks = ramp_s / self.description.period_s
+        done = max(self.periods_between(self._reset_at, self.state) + 1.0, 1.0)
+        return 1.0 if done >= ticks else done / ticks
 
     def periods_between(self, earlier: Any, later: Any) -> int:
         """Periods of the robot between two States, without those that it skipped."""
@@ -141,6 +148,7 @@ class History:
     def _take_event(self, event: int, detail: int) -> None:
         if event == EVENTS["RESET"] and not self._gap:
             self.known, self.was_reset, self.before, self.first = True, True, None, None
+            self._reset_at = self.state
             if self.state is not None and self.finite:
                 self.first, self.fresh = self.state, True
         elif event in {EVENTS["CONDITION_BEGAN"], EVENTS["CONDITION_ENDED"]}:

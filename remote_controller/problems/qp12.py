@@ -136,10 +136,7 @@ class DescentProblems(ProblemBuilder):
     @property
     def share(self) -> float:
         """Share of u_max and of the gain, while they rise after a reset."""
-        history = self.history
-        ticks = self.settings["ramp_s"] / history.description.period_s
-        done = history.periods_between(history.first, history.state) + 1.0
-        return 1.0 if done >= ticks else max(done, 1.0) / ticks
+        return self.history.share_of_ramp(self.settings["ramp_s"])
 
     @abstractmethod
     def residual(self, d: Descent) -> tuple[float, float]:

@@ -265,7 +265,7 @@ class Cycle:
         first, second = psi["u_max_rad_s"], psi["beta"]
         if psi["form"] in {"tanh", "exponential"}:
             first, second = psi["eta_per_s"], psi["kappa"]
-        share = self._share_of_ramp(psi["ramp_s"])
+        share = self._builder.history.share_of_ramp(psi["ramp_s"])
         needed = descent_rate(psi["form"], V, gradient, error, first, second) * share
         off = PLACES * (np.linalg.norm(task.jacobian, axis=0) + error)
         needed_error, drift = 0.0, task.value_rate
@@ -274,12 +274,6 @@ class Cycle:
             needed_error = needed * (RELATIVE + relative)
         drift_error = RELATIVE * abs(drift) + SUMMED * error * rate + PLACES * rate
         return Descent(V, needed, drift, gradient, off, needed_error, drift_error, error, rate)
-
-    def _share_of_ramp(self, ramp_s: float) -> float:
-        history = self._builder.history
-        ticks = ramp_s / history.description.period_s
-        done = history.periods_between(history.first, history.state) + 1.0
-        return 1.0 if done >= ticks else done / max(ticks, 1.0)
 
     def _share(self, rate: float, near: float) -> tuple[float, float]:
         """ρ = −V̇/Ψ, at most 1, and how exactly it is known."""

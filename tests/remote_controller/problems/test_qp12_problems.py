@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hoap3.protocol.messages import Setpoint
+from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.problems.check import check_problem
@@ -95,6 +95,21 @@ def test_a_sample_of_the_answers_is_checked_within_a_ramp():
 
     assert found.by_tick() == []
     assert 10 < found.counts["V"].checked < 60
+
+
+def test_a_ramp_begins_with_a_state_that_is_not_finite():
+    records, controller, parameters = run("qp12", TICKS)
+    records, kinds = list(records), [record.kind for record in records]
+    place = kinds.index(Kind.STATE)
+    state = State.like(records[place].payload)
+    state.load(records[place].payload)
+    state.q[0] = np.nan
+    records[place] = records[place]._replace(payload=state.dump())
+
+    found = checked(records, controller, parameters)
+
+    assert found.by_tick() == []
+    assert found.unverifiable == 1
 
 
 @pytest.mark.parametrize("name", ["qp12", "few joints", "osqp", "pinv", "plain"])
