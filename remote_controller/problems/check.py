@@ -292,7 +292,7 @@ def _non_negative(A: Array, b: Array) -> Array:
     length[length == 0.0] = 1.0
     try:
         found: Array = nnls(A / length, b, maxiter=STEPS * A.shape[1])[0] / length
-    except RuntimeError:  # no multipliers in so many steps: the answer counts as not optimal
+    except (RuntimeError, ValueError):  # too many steps, or an overflow: not optimal
         return np.zeros(A.shape[1])
     return found
 

@@ -17,7 +17,12 @@ import numpy as np
 from hoap3.protocol.messages import schema
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.problems.history import ProblemBuilder
-from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, complete, numbers
+from hoap3.remote_controller.problems.oracles.parameters import (
+    UnverifiableError,
+    complete,
+    is_number,
+    numbers,
+)
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, task_of
 from hoap3.remote_controller.problems.statement import (
@@ -29,7 +34,7 @@ from hoap3.remote_controller.problems.statement import (
     Rows,
     Statement,
 )
-from hoap3.remote_controller.problems.velocity_answer import RELATIVE, VelocityAnswer
+from hoap3.remote_controller.problems.velocity_answer import DELAYED, RELATIVE, VelocityAnswer
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma, descent_rate
 
 OF_TASK = "point", "reference_frame", "target_m"
@@ -45,8 +50,8 @@ DEFAULTS: dict[str, Any] = {
 OF_GAMMA: dict[str, Any] = {"gamma": 0.5, "adaptive_gamma": (False, True), "gamma_slope": 100.0}
 OF_PINV: dict[str, Any] = {"law": ("lyapunov", "plain"), "gain_per_s": 10.0}
 """Of the parameters; of several choices the first. A test compares them with the controllers'."""
+MOST = {"gamma": 1.0}
 PER_M = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
-DELAYED = "answers are delayed: where u starts from is not in the log"
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
 
 EPS = float(np.finfo(float).eps)
@@ -54,6 +59,7 @@ PLACE = 8.0 * EPS  # m, m/rad: how exactly e and each column of J are known
 OPTIMAL = 1e-9  # greatest residual of a certified answer
 RANK = 1e-12  # of the largest singular value of J: less is 0
 FACTORISED = 5e-4  # least det J Jᵀ, rows of length 1, from which on `pinv` may factorise it
+TINY = 1e-300  # in place of a divisor of 0
 KNOWN = 10.0  # times its error: the length from which on ∇V has a direction
 
 
@@ -115,8 +121,16 @@ class DescentProblems(ProblemBuilder):
             raise UnverifiableError(DELAYED)
 
     def adopt(self, parameters: Mapping[str, Any]) -> None:
-        """Take other numbers; the ramp goes on."""
-        self.settings = complete(parameters, DEFAULTS | self.own, "parameters", strict=False)
+        """Take other numbers; the ramp goes on.
+
+        Raises:
+            UnverifiableError: a value that cannot be used.
+        """
+        usual = DEFAULTS | self.own
+        self.settings = complete(parameters, usual, "parameters", strict=False)
+        for key, value in self.settings.items():
+            if key in usual and is_number(value) and not 0.0 <= value <= MOST.get(key, np.inf):
+                raise UnverifiableError(f"parameter {key} is {value}")
         self.u_max = float(self.settings["u_max_rad_s"])
         self.per_m = PER_M[self.settings["error_unit"]]
         measured = self.settings["kinematics_from"] == "measured"
@@ -155,7 +169,7 @@ class DescentProblems(ProblemBuilder):
         T = self.history.description.period_s
         answer = VelocityAnswer.of(self.history.state, setpoint, self.settings, T)
         d = self._descent(answer)
-        V_error = RELATIVE * d.V + d.length * PLACE
+        V_error = RELATIVE * d.V + (d.length + PLACE) * PLACE
         claims = [
             Claim("V", setpoint["v"], d.V, V_error),
             Claim("required V rate", setpoint["v_rate_required"], *self.required(d)),
@@ -247,8 +261,9 @@ class OsqpProblems(DescentProblems):
         doubt, off, A = float(d.u_error.max()), d.steepest_error, d.steepest
         if off >= A:  # ∇V is all rounding: only |u|∞ ≤ Ψ/|∇V|∞ is known, (16)
             reach = self.u_max * math.sqrt(d.u.size) * self._beta_per_m
-            return d.fastest / (reach * (d.length + PLACE) + doubt), 1.0
-        power, a, (gamma, gamma_off) = d.terms + d.psi, np.abs(d.gradient), self.gamma(d)
+            return d.fastest / max(reach * (d.length + PLACE) + doubt, TINY), 1.0
+        power, a = max(d.terms + d.psi, TINY), np.abs(d.gradient)
+        gamma, gamma_off = self.gamma(d)
         primal, exact = abs(d.rate + d.psi) / power, (d.rate_error + d.psi_error) / power
         if d.fastest == 0.0:
             return primal, exact

@@ -25,10 +25,9 @@ from hoap3.remote_controller.problems.stable_qp_cycle import Cycle
 from hoap3.remote_controller.problems.stable_qp_objective import Objective
 from hoap3.remote_controller.problems.stable_qp_settings import Settings
 from hoap3.remote_controller.problems.statement import Statement
-from hoap3.remote_controller.problems.velocity_answer import VelocityAnswer
+from hoap3.remote_controller.problems.velocity_answer import DELAYED, VelocityAnswer
 
 COLUMNS = "psi", "drift", "solver_status"
-DELAYED = "answers are delayed: where u starts from is not in the log"
 
 
 class StableQpProblems(ProblemBuilder):

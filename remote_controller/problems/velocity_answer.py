@@ -13,6 +13,7 @@ from hoap3.remote_controller.problems.statement import Array, Claim
 ROUNDINGS = 8  # ulp of the reference that an answer may be off, per period
 ACTIVE = 1e-3  # rad/s: from which on a joint counts as active
 RELATIVE = 1e-9  # of what is compared: rounding
+DELAYED = "answers are delayed: where u starts from is not in the log"
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,7 @@ def builder_of(controller: str, parameters: Mapping[str, Any]) -> type[ProblemBu
     return found
 
 
+@np.errstate(all="ignore")  # numbers of a log may overflow; what is not finite does not hold
 def check_statements(
     records: Iterable[Record],
     builder: ProblemBuilder,

@@ -128,6 +128,16 @@ def test_each_changed_number_is_found_at_its_tick(name):
     assert found <= changed.keys()
 
 
+@pytest.mark.parametrize("name", ["qp12", "osqp", "pinv"])
+def test_a_velocity_that_overflows_is_found(name):
+    records, controller, parameters = run(name, TICKS)
+    records, kinds = list(records), [record.kind for record in records]
+    place = kinds.index(Kind.SETPOINT)
+    records[place], tick = with_change(records[place], "decision", 1e308)
+
+    assert {one.tick for one in checked(records, controller, parameters).by_tick()} == {tick}
+
+
 @pytest.mark.parametrize("name", ["qp12", "few joints", "all joints", "millimetres"])
 def test_an_answer_with_the_same_v_rate_that_is_not_optimal_is_found(name):
     records, controller, parameters = run(name, TICKS)
