@@ -61,8 +61,8 @@ class VelocityAnswer:
             numbers = float(self.values[worst]), float(expected[worst]), float(allowed[worst])
             claims.append(Claim("setpoint", *numbers))
         speed, near = np.abs(self.u), np.maximum(self.error, RELATIVE * ACTIVE)
-        most, least = (np.count_nonzero(speed >= each) for each in (ACTIVE - near, ACTIVE + near))
-        stated = self.active_joints
+        most = float(np.count_nonzero(speed >= ACTIVE - near))
+        least, stated = float(np.count_nonzero(speed >= ACTIVE + near)), float(self.active_joints)
         claims.append(Claim("active joints, at most", stated, most, 0.0, "at_most"))
         claims.append(Claim("active joints, at least", stated, least, 0.0, "at_least"))
         return claims
