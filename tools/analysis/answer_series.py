@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.messages import FloatArray, Setpoint
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.certificate import PROVED, STATUS, checked_statuses
+from hoap3.tools.logs.disk_rows import parts
 
 UNITS = {0: "rad/s", 1: "rad/s²", 2: "N m"}
 """Of the control inputs, by `Setpoint.command`; for a prismatic joint read m for rad."""
@@ -98,13 +99,14 @@ def control_inputs(
 ) -> tuple[FloatArray, str]:
     """u, (k, n), and its unit: of a position its rate, from where the controller integrates."""
     n = description.n
-    values = np.array(answers["values"][:, :n], float)
-    if values.shape[1] != n:
-        return np.zeros((len(values), n)), UNITS[0]
+    inputs = np.zeros((len(answers), n))
+    if answers.dtype["values"].shape[0] < n:
+        return inputs, UNITS[0]
     command = int(answers["command"][0]) if len(answers) else Setpoint.POSITION
-    if command != Setpoint.POSITION:
-        return values, UNITS.get(command, "unknown unit")
-    measured = parameters.get("integrate_from") == "measured"
-    values -= states["q" if measured else "reference"]
-    values /= description.period_s
-    return values, UNITS[0]
+    start = "q" if parameters.get("integrate_from") == "measured" else "reference"
+    for part in parts(len(answers)):  # a long log has more columns than fit into memory at once
+        inputs[part] = answers[part]["values"][:, :n]
+        if command == Setpoint.POSITION:
+            inputs[part] -= states[part][start]
+            inputs[part] /= description.period_s
+    return inputs, UNITS.get(command, "unknown unit")

@@ -421,7 +421,7 @@ def _skipped(number: Stamps, counted: Any, active: Flags) -> tuple[Stamps, Stamp
     """
     jump = np.diff(counted.astype(np.int64))
     jump[(jump != np.diff(number) - 1) | ~active[:-1] | ~active[1:]] = 0  # or records are missing
-    back = np.concatenate([np.arange(n, 0, -1) for n in jump.tolist()] or [np.empty(0, int)])
+    back = np.repeat(np.cumsum(jump), jump) - np.arange(jump.sum())
     at = np.repeat(np.arange(1, len(number)), jump)
     return number[at] - back, at, back
 

@@ -51,7 +51,7 @@ class DiskRows:
             self._file = tempfile.TemporaryFile(prefix="hoap3-")  # noqa: SIM115 (see __del__)
         except OSError as error:
             raise _no_room(error) from error
-        self._sizes = array("q")
+        self._sizes = array("I")
 
     def __del__(self) -> None:
         file = getattr(self, "_file", None)  # not where there was no room
@@ -139,7 +139,7 @@ class MessageTable:
 
     def __init__(self, schema: Schema) -> None:
         self._schema, self._rows = schema, DiskRows()
-        self._stamps, self._layout_of = array("q"), array("q")
+        self._stamps, self._layout_of = array("q"), array("I")
         self._layouts: dict[tuple[int, ...], int] = {}
         self._last = Layout(schema)
         self.unreadable = 0
@@ -183,15 +183,24 @@ class MessageTable:
         Raises:
             LogError: there is no room for them.
         """
+        layouts, kept = self._used
+        dtype, which = self._union(layouts), np.array(self._layout_of, np.int64)
+        self.unreadable += len(which) - len(kept)
+        rows = self._padded(which, layouts, dtype) if len(self._layouts) > 1 else self._rows
+        return np.array(self._stamps, np.int64)[kept], rows.table(dtype)
+
+    @cached_property
+    def _used(self) -> tuple[dict[int, np.dtype[Any]], Places]:
+        """Layouts that `rows` has, by number, and the places of messages with one of these."""
         layouts = {number: self._dtype(lengths) for lengths, number in self._layouts.items()}
         limit = MAX_PADDED * len(self._rows.raw) + SLACK_BYTES
         while len(self._rows) * self._union(layouts).itemsize > limit and len(layouts) > 1:
             del layouts[max(layouts, key=lambda number: layouts[number].itemsize)]
-        dtype, which = self._union(layouts), np.array(self._layout_of, np.int64)
-        kept = np.isin(which, list(layouts))
-        self.unreadable += int(np.count_nonzero(~kept))
-        rows = self._padded(which, layouts, dtype) if len(self._layouts) > 1 else self._rows
-        return np.array(self._stamps, np.int64)[kept], rows.table(dtype)
+        return layouts, np.flatnonzero(np.isin(np.array(self._layout_of), list(layouts)))
+
+    def messages(self, rows: Places) -> Iterator[bytes]:
+        """Messages as they were added, by their numbers in `rows`."""
+        return self._rows.some(self._used[1][rows])
 
     def _dtype(self, lengths: Iterable[int]) -> np.dtype[Any]:
         return self._schema.dtype(dict(zip(self._schema.arrays, lengths, strict=True)))
@@ -251,8 +260,8 @@ class DiskRecords:
                 stamps.append(stamp)
                 places.append(-len(stamps))
             kinds.append(kind)
-        self._kinds, self._places = np.array(kinds), np.array(places, np.int64)
-        self._stamps = np.array(stamps, np.int64)
+        self._kinds, self._places = np.frombuffer(kinds, np.uint8), np.frombuffer(places, np.int64)
+        self._stamps = np.frombuffer(stamps, np.int64)
         self._others.flush()
         for table in self.tables.values():
             table.flush()

@@ -292,6 +292,10 @@ class Log:
             )
         return stamps, rows
 
+    def messages(self, kind: Kind, rows: npt.NDArray[np.int64]) -> Iterator[bytes]:
+        """Messages as they were logged, by their numbers in `table`."""
+        return self._tables()[kind].messages(rows)
+
     def load(self, say: Callable[[str], None] = lambda _: None) -> Self:
         """Unpack the log once, into temporary files that all later reads use.
 

@@ -98,9 +98,13 @@ def check_held_back(
     ticks, first, counts = np.unique(answers["tick"], return_index=True, return_counts=True)
     followed = np.where(moves, states["followed"][:, 0], -1.0)
     known = np.isin(followed, ticks[counts == 1])
-    values = answers["values"][first[np.searchsorted(ticks, followed[known])]]
-    held, last = np.zeros(len(states), bool), int(states["tick"][-1])
-    held[known] = ~(np.abs(values - states["reference"][known]) <= SAME).all(1)
+    of_answers = first[np.searchsorted(ticks, followed[known])]
+    of_states, last = np.flatnonzero(known), int(states["tick"][-1])
+    held = np.zeros(len(states), bool)
+    for part in parts(len(of_states)):
+        at = of_states[part]
+        off = answers["values"][of_answers[part]] - states["reference"][at]
+        held[at] = ~(np.abs(off) <= SAME).all(1)
     active, tick = states["mode"] == State.ACTIVE, states["tick"].astype(np.int64)
     begins = active & ~np.concatenate([[False], active[:-1]])
     since = np.maximum.accumulate(np.where(begins, tick, -STARTUP_TICKS))

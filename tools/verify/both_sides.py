@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Iterable
-from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.errors import LogError, WireError
-from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims
 
 UNSHARED = "the logs share no tick of one session; HOAP-3's own protocol carries neither"
-Rows = NDArray[np.bytes_]
+Ticks = NDArray[np.int64]
 
 
 def check_both(robot: Log, controller: Log, claims: Claims) -> None:
     """The robot's description, and what both logs have of a tick, are the same."""
     together = False
     for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
-        ours, theirs = (_messages(log, kind) for log in (robot, controller))
-        keys = np.unique(_keys(theirs))
-        shared = np.intersect1d(_keys(ours), keys)
-        together |= bool(len(shared))
-        if not len(shared):
-            claims.unverified(f"{name} in both logs", len(keys), UNSHARED)
-        same = ~np.isin(shared, _keys(np.setdiff1d(theirs, ours)))
-        ticks = shared.view(np.int64)[1::2]
+        ticks, same = _shared_ticks(robot, controller, kind)
+        together |= bool(len(ticks))
+        if not len(ticks):
+            theirs = controller.table(kind)[1]
+            count = len(np.unique(theirs[["session_id", "tick"]]))
+            claims.unverified(f"{name} in both logs", count, UNSHARED)
         claims.equal(f"{name} in both logs", ticks, same, np.ones(len(same)), 0.0)
     if not together:
         claims.unverified("description in both logs", 1, UNSHARED)
@@ -41,6 +36,36 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         claims.equal("description in both logs", 0, float(len(digests) == 1), 1.0)
     except LogError as error:
         claims.unverified("description in both logs", 1, str(error))
+
+
+def _shared_ticks(robot: Log, controller: Log, kind: Kind) -> tuple[Ticks, NDArray[np.bool_]]:
+    """Ticks that both logs have messages of, (M,), and whether the robot's has the controller's.
+
+    Either log may have several messages of one tick: each of the controller's is compared with one
+    of the robot's after the other.
+    """
+    ours, theirs = robot.table(kind)[1], controller.table(kind)[1]
+    found, same = [np.zeros(0, np.int64)], [np.zeros(0, bool)]
+    for session in np.intersect1d(ours["session_id"], theirs["session_id"]):
+        at, there = (np.flatnonzero(rows["session_id"] == session) for rows in (ours, theirs))
+        at = at[np.argsort(ours["tick"][at], kind="stable")]
+        ticks = ours["tick"][at].astype(np.int64)
+        wanted = theirs["tick"][there].astype(np.int64)
+        place, end = (np.searchsorted(ticks, wanted, side) for side in ("left", "right"))
+        shared = np.unique(wanted[place < end])
+        alike = np.ones(len(shared), bool)
+        there, wanted, place, end = (each[place < end] for each in (there, wanted, place, end))
+        while len(there):
+            pairs = zip(
+                controller.messages(kind, there), robot.messages(kind, at[place]), strict=True
+            )
+            left = np.array([own != other for own, other in pairs])
+            there, wanted, place, end = (each[left] for each in (there, wanted, place + 1, end))
+            alike[np.searchsorted(shared, wanted[place == end])] = False
+            there, wanted, place, end = (each[place < end] for each in (there, wanted, place, end))
+        found.append(shared)
+        same.append(alike)
+    return np.concatenate(found), np.concatenate(same)
 
 
 def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool | None]:
@@ -88,21 +113,3 @@ def _urdf(log: Log) -> str | None:
         return log.description.urdf
     except LogError:
         return None
-
-
-def _messages(log: Log, kind: Kind) -> Rows:
-    """Return session, tick and digest of each message, (N,)."""
-    message = State if kind == Kind.STATE else Setpoint
-    found = bytearray()
-    for record in log.records(kind):
-        try:
-            key = message.scalars(record.payload, "session_id", "tick")
-        except WireError:
-            continue
-        found += struct.pack("=QQ", *key) + blake2b(record.payload, digest_size=16).digest()
-    return np.frombuffer(found, "S32")
-
-
-def _keys(messages: Rows) -> Rows:
-    """Session and tick of each, (N,)."""
-    return np.ascontiguousarray(messages).view("S16")[::2]

@@ -205,10 +205,12 @@ class Claims:
             if not stated.size:
                 return
         count = self._count(claim)
+        count.checked += stated.size
+        if not off.any():
+            return
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = np.where(off == 0.0, 0.0, off / allowed)
         share = np.where(np.isnan(share), np.inf, share)
-        count.checked += stated.size
         count.largest = max(count.largest, float(share.max()))
         wrong = np.argwhere(share > 1.0)
         if not len(wrong):

@@ -39,6 +39,7 @@ class Recount:
         description: of the robot.
 
     Attributes:
+        last_tick: of the newest State, -1 before the first.
         ticks, stated, found: of each State its tick, and counts as in `COUNTED`, (N · 6,).
         runs: each tick in which the robot follows somebody, and misses in a row there, (M · 2,).
         asked, in_time, longest_run: over all deadlines that have passed; run: misses at their end.
@@ -64,7 +65,7 @@ class Recount:
         self._waiting: deque[int] = deque()
         self._last = deque[bool](maxlen=WINDOW)
         self._late = self._lost = self._twice = self._disordered = self._refused = 0
-        self.run, self._newest, self._published = 0, -1, -1
+        self.run, self._newest, self.last_tick = 0, -1, -1
         self._session, self._active = -1, False
 
     def setpoint(self, stamp: int, payload: bytes) -> None:
@@ -103,7 +104,7 @@ class Recount:
             self._ticks[tick] = _Asked(epoch, due)
             self._waiting.append(tick)
             self._ticks.pop(tick - REMEMBERED, None)
-        self._published = tick
+        self.last_tick = tick
 
     def _fitting(self, payload: bytes) -> Setpoint | None:
         """The Setpoint, if it can be one for this robot."""
@@ -129,7 +130,7 @@ class Recount:
         fits = (
             asked is not None
             and setpoint.session_id == self._session
-            and self._published - REMEMBERED < setpoint.tick <= self._published
+            and self.last_tick - REMEMBERED < setpoint.tick <= self.last_tick
             and asked.epoch == setpoint.epoch
             and setpoint.command == self._command
             and bool(np.isfinite(setpoint.values).all())

@@ -1,4 +1,4 @@
-"""Runs a function in a process of its own, which sees the data of this one without a copy."""
+"""Runs functions in processes of their own, which see the data of this one without a copy."""
 
 from __future__ import annotations
 
@@ -22,67 +22,61 @@ PROGRESS_S = 1.0  # between two reports: they must not fill the pipe, which is r
 
 
 class Forked(Generic[Result]):
-    """A function that runs beside this process, from now on.
+    """Functions that run beside this process, from now on, a few of them at a time.
 
-    What this process has open is shared with it: files must not have anything left to be written.
+    What this process has open is shared with them: files must not have anything left to be
+    written.
 
     Args:
-        work: what is computed; takes a function for progress. Its result must be picklable.
-
-    Attributes:
-        receiver: has something to read when `receive` does not have to wait.
+        works: what is computed, in the order in which they start; each takes a function for
+            progress. Results must be picklable.
+        processes: how many run at a time, at least 1.
     """
 
-    def __init__(self, work: Callable[[Say], Result]) -> None:
+    def __init__(self, works: Sequence[Callable[[Say], Result]], processes: int) -> None:
         context = get_context("fork")
-        self.receiver, sender = context.Pipe(duplex=False)
-        self._process = context.Process(target=_run, args=(work, sender), daemon=True)
-        self._process.start()
-        sender.close()
+        self._count, begun = len(works), context.Value("i", 0)
+        self._processes = {}
+        for _ in range(min(processes, len(works))):
+            receiver, sender = context.Pipe(duplex=False)
+            process = context.Process(target=_run, args=(works, begun, sender), daemon=True)
+            process.start()
+            sender.close()
+            self._processes[receiver] = process
 
-    def receive(self) -> tuple[str, Any]:
-        """Wait for what it sends next: ("progress", text), or ("result", value) at the end.
+    def gather(self, say: Say) -> list[Result]:
+        """Wait for all results, in the order of the functions.
+
+        Args:
+            say: takes the progress of each as it arrives.
 
         Raises:
-            LogError: the process ended without a result, as where memory is short.
+            LogError: a process ended without a result, as where memory is short.
         """
-        try:
-            found: tuple[str, Any] = self.receiver.recv()
-        except EOFError:
-            self._process.join()
-            ended = f"ended (exit code {self._process.exitcode})"
-            raise LogError(f"a process that verifies the log {ended}") from None
-        return found
+        running, found = dict(self._processes), dict[int, Result]()
+        while running:
+            for receiver in wait(list(running)):
+                try:
+                    place, content = cast("Connection", receiver).recv()
+                except EOFError:
+                    process = running.pop(cast("Connection", receiver))
+                    process.join()
+                    if process.exitcode:
+                        ended = f"ended (exit code {process.exitcode})"
+                        raise LogError(f"a process that verifies the log {ended}") from None
+                    continue
+                if place is None:
+                    say(content)
+                else:
+                    found[place] = content
+        return [found[place] for place in range(self._count)]
 
     def end(self) -> None:
-        """End the process, whatever it does."""
-        self._process.kill()
-        self._process.join()
-        self.receiver.close()
-
-
-def gather(processes: Sequence[Forked[Result]], say: Say) -> list[Result]:
-    """Wait for the results of all processes, in their order.
-
-    Args:
-        processes: that run.
-        say: takes the progress of each as it arrives.
-
-    Raises:
-        LogError: one of them ended without a result.
-    """
-    running = {process.receiver: place for place, process in enumerate(processes)}
-    found: dict[int, Result] = {}
-    while running:
-        for receiver in wait(list(running)):
-            place = running[cast("Connection", receiver)]
-            kind, content = processes[place].receive()
-            if kind == "result":
-                found[place] = content
-                del running[cast("Connection", receiver)]
-            else:
-                say(content)
-    return [found[place] for place in range(len(processes))]
+        """End all processes, whatever they do."""
+        for receiver, process in self._processes.items():
+            process.kill()
+            process.join()
+            receiver.close()
 
 
 def processors() -> int:
@@ -90,7 +84,8 @@ def processors() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run(work: Callable[[Say], Result], sender: Connection) -> None:
+def _run(works: Sequence[Callable[[Say], Any]], begun: Any, sender: Connection) -> None:
+    """Take one function after the other that no process has begun, and send their results."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL), 0, 0, 0)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     next_report = time.monotonic()
@@ -99,7 +94,14 @@ def _run(work: Callable[[Say], Result], sender: Connection) -> None:
         nonlocal next_report
         if time.monotonic() >= next_report:
             next_report = time.monotonic() + PROGRESS_S
-            sender.send(("progress", text))
+            sender.send((None, text))
 
     with suppress(BrokenPipeError):  # nobody waits for the result any more
-        sender.send(("result", work(say)))
+        while True:
+            with begun.get_lock():
+                place = begun.value
+                begun.value += 1
+            if place >= len(works):
+                break
+            sender.send((place, works[place](say)))
+    sender.close()

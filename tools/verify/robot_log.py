@@ -14,7 +14,7 @@ from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.logs.disk_rows import DiskRows, parts
+from hoap3.tools.logs.disk_rows import PART, DiskRows, parts
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.applied_motion import check_held_back, check_motion
 from hoap3.tools.verify.claims import Claims
@@ -71,6 +71,7 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims, *, hold: b
         elif kind == Kind.STATE:
             recount.state(payload)
             events.state(payload, recount.run)
+            _check_counts(recount, misses_to_stop, claims, least=PART)
             states.add(payload)
             stamps.append(stamp)
             epochs.append(epoch)
@@ -131,7 +132,12 @@ def _check_schedule(
     claims.equal("epoch at rest", tick[~follows], epoch[~follows], zero[~follows], 0.0)
 
 
-def _check_counts(recount: Recount, misses_to_stop: int | None, claims: Claims) -> None:
+def _check_counts(
+    recount: Recount, misses_to_stop: int | None, claims: Claims, *, least: int = 1
+) -> None:
+    """Check the counts of the newest States, if these are so many at least, and forget them."""
+    if len(recount.ticks) < least:
+        return
     ticks = np.array(recount.ticks)
     stated, found = (
         np.array(counts).reshape(-1, len(COUNTED)) for counts in (recount.stated, recount.found)
@@ -144,10 +150,12 @@ def _check_counts(recount: Recount, misses_to_stop: int | None, claims: Claims) 
     elif recount.runs:
         tick, run = np.array(recount.runs).reshape(-1, 2).T
         claims.at_most("stop after misses", tick, run, misses_to_stop - 1, 0.0)
+    for counted in (recount.ticks, recount.stated, recount.found, recount.runs):
+        del counted[:]
 
 
 def _check_summary(summary: dict[str, Any], recount: Recount, stops: int, claims: Claims) -> None:
-    tick = recount.ticks[-1] if recount.ticks else 0
+    tick = max(recount.last_tick, 0)
     for name in SUMMED:
         if name in summary:
             claims.equal(f"summary: {name}", tick, float(summary[name]), getattr(recount, name))

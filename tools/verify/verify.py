@@ -21,7 +21,7 @@ from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
 from hoap3.tools.verify.controllers.leaving import check_leaving
-from hoap3.tools.verify.forked import Forked, gather, processors
+from hoap3.tools.verify.forked import Forked, processors
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
@@ -106,6 +106,10 @@ def verify(
 ) -> Verification:
     """Verify the log of a controller, of a robot, or both in the folder of a run.
 
+    A long log is verified in several processes, as its parts do not depend on each other: the
+    records of each side, the problems of its answers, the replay of the controller, and what both
+    sides have.
+
     Args:
         path: `*.mcap`, or a folder.
         say: takes progress, for people.
@@ -116,31 +120,6 @@ def verify(
             seed 0, where the controller's builder states its problems one by one; None: all where
             that is fast, else `statements.SAMPLE`.
         every: check the certificates of all answers.
-
-    Raises:
-        LogError: there is no log, or it cannot be read.
-    """
-    options: Any = {"repeat": repeat, "allow_code": allow_code, "opened": opened}
-    return start(path, say, **options, most_answers=most_answers, every=every)()
-
-
-def start(
-    path: Path,
-    say: Callable[[str], None] = lambda _: None,
-    *,
-    repeat: bool = False,
-    allow_code: bool = False,
-    opened: Mapping[str, Log] | None = None,
-    most_answers: int | None = None,
-    every: bool = False,
-) -> Callable[[], Verification]:
-    """Start a verification; arguments as for `verify`.
-
-    A long log is verified in several processes, as its parts do not depend on each other: the
-    records of each side, the replay of the controller, and what both sides have.
-
-    Returns:
-        Waits for the result.
 
     Raises:
         LogError: there is no log, or it cannot be read.
@@ -158,19 +137,14 @@ def start(
             parts.append((side, partial(_repeat, log, allow_code=allow_code)))
     parts.append(("", partial(_check_together, logs)))
     states = sum(log.count(Kind.STATE) for log in found)
-    processes: list[Forked[Part]] = []
-    if processors() > 1 and states >= PARALLEL_FROM:
-        processes = [Forked(partial(_judged, path, work)) for _, work in parts]
-
-    def finish() -> Verification:
-        here = (_judged(path, work, say) for _, work in parts)
-        try:
-            return _merged(path, logs, parts, gather(processes, say) if processes else here)
-        finally:
-            for process in processes:
-                process.end()
-
-    return finish
+    works = [partial(_judged, path, work) for _, work in parts]
+    if processors() < 2 or states < PARALLEL_FROM:
+        return _merged(path, logs, parts, (work(say) for work in works))
+    forked = Forked(works, processors())
+    try:
+        return _merged(path, logs, parts, forked.gather(say))
+    finally:
+        forked.end()
 
 
 def _merged(

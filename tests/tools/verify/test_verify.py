@@ -39,7 +39,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify import verify as verify_module
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
-from hoap3.tools.verify.forked import Forked, gather
+from hoap3.tools.verify.forked import Forked
 from hoap3.tools.verify.verify import verify
 
 SIDES = "emulator", "controller"
@@ -157,8 +157,17 @@ def test_a_process_that_ends_without_a_result_is_an_error() -> None:
         os._exit(3)
 
     with pytest.raises(LogError, match="exit code 3"):
-        gather([Forked(dies)], heard.append)
+        Forked([dies], 1).gather(heard.append)
     assert heard == ["begun"]
+
+
+def test_one_process_does_everything_in_turn() -> None:
+    works = [lambda _, number=number: (number, os.getpid()) for number in range(3)]
+
+    numbers, processes = zip(*Forked(works, 1).gather(print), strict=True)
+    assert numbers == (0, 1, 2)
+    assert len({*processes}) == 1
+    assert os.getpid() not in processes
 
 
 def test_progress_of_a_process_is_passed_on_while_an_earlier_one_still_runs() -> None:
@@ -177,7 +186,7 @@ def test_progress_of_a_process_is_passed_on_while_an_earlier_one_still_runs() ->
         os.write(other, b"x")
 
     try:
-        assert gather([Forked(waits), Forked(reports)], release) == ["x", "done"]
+        assert Forked([waits, reports], 2).gather(release) == ["x", "done"]
     finally:
         os.close(first)
         os.close(other)
@@ -449,9 +458,8 @@ def test_tables_are_read_alike_by_this_process_and_by_those_that_verify(
     monkeypatch.setattr(verify_module, "processors", lambda: 2)
     logs = {side: Log.open(story, side=side).load() for side in ("robot", "controller")}
 
-    finish = verify_module.start(story, opened=logs)
+    verify(story, opened=logs)
 
-    finish()
     for log in logs.values():
         for kind in (Kind.STATE, Kind.SETPOINT, Kind.EVENT):
             stamps, rows = log.table(kind)

@@ -13,7 +13,7 @@ from hoap3.protocol.errors import LogError
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.analysis.numbers import count, number
 from hoap3.tools.logs.log import Log
-from hoap3.tools.verify.verify import Verification, start
+from hoap3.tools.verify.verify import Verification, verify
 
 MOST_ANSWERS = 10_000
 """Certificates that a report recomputes at most, where each takes a millisecond or more."""
@@ -133,35 +133,27 @@ RESTS_ON = ("summary", "session", "event", "reset", "description", "config", "lo
 """How claims begin whose parts of a log verdicts rest on."""
 
 
-def start_check(
+def check_logs(
     path: Path,
     logs: Mapping[str, Log],
     say: Callable[[str], None] = lambda _: None,
     *,
     allow_code: bool = False,
-) -> Callable[[], Checked]:
-    """Start to verify the logs of a run, with the controller repeated.
+) -> Checked:
+    """Verify the logs of a run, with the controller repeated.
 
     Args:
         path: of the run; one that cannot be verified says why.
         logs: by side.
         say: takes progress.
         allow_code: import what the log names by a dotted path.
-
-    Returns:
-        Waits for the result.
     """
     options: dict[str, Any] = {"repeat": True, "allow_code": allow_code, "opened": logs}
-    finish = start(path, say, **options, most_answers=MOST_ANSWERS)
-
-    def checked() -> Checked:
-        try:
-            found = finish()
-        except LogError as error:
-            return Checked(None, str(error))
-        controller = logs.get("controller")
-        if found.outcomes or controller is None or allow_code or not _names_code(controller):
-            return Checked(found)
-        return Checked(found, stated=_stated(controller))
-
-    return checked
+    try:
+        found = verify(path, say, **options, most_answers=MOST_ANSWERS)
+    except LogError as error:
+        return Checked(None, str(error))
+    controller = logs.get("controller")
+    if found.outcomes or controller is None or allow_code or not _names_code(controller):
+        return Checked(found)
+    return Checked(found, stated=_stated(controller))

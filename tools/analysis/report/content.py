@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from hoap3.protocol.errors import LogError
 from hoap3.tools.analysis.canvas import Drawing
 from hoap3.tools.analysis.certificates import Certificates
 from hoap3.tools.analysis.report.certificate_plots import certificate_drawings
-from hoap3.tools.analysis.report.checked import Checked, skip, start_check
+from hoap3.tools.analysis.report.checked import Checked, check_logs, skip
 from hoap3.tools.analysis.report.events import Condition, LogEvent, read_conditions, read_events
 from hoap3.tools.analysis.report.motion import Motion, read_motion
 from hoap3.tools.analysis.report.motion_plots import motion_drawings
@@ -35,7 +35,7 @@ class Content:
         sources: the logs.
         motion: what the robot did, or None.
         ticks: what became of its ticks, of which at least one asked; or None.
-        verified: waits for what of the logs was recomputed, and holds.
+        checked: what of the logs was recomputed, and holds.
         events: of both sides, each in order.
         conditions: of the controller; None without its log.
         gaps: what is missing, and why, in sentences.
@@ -45,16 +45,11 @@ class Content:
     sources: Sources
     motion: Motion | None
     ticks: TickTable | None
-    verified: Callable[[], Checked]
+    checked: Checked
     events: tuple[LogEvent, ...]
     conditions: tuple[Condition, ...] | None
     gaps: tuple[str, ...]
     robot_here: str | None = None
-
-    @cached_property
-    def checked(self) -> Checked:
-        """What of the logs was recomputed, and holds."""
-        return self.verified()
 
     @property
     def warnings(self) -> list[str]:
@@ -200,9 +195,11 @@ def read_content(
     with of_ours(paths[0]):
         sources = Sources.open(*paths, say=say)
         logs = {log.side: log for log in sources.logs}
-        verified: Callable[[], Checked] = partial(skip, sources.controller)
+        # first, so that the memory that it takes is free again when the page is drawn
         if verify:
-            verified = start_check(sources.path, logs, say, allow_code=allow_code)
+            checked = check_logs(sources.path, logs, say, allow_code=allow_code)
+        else:
+            checked = skip(sources.controller)
         gaps = list(sources.gaps)
         motion = _motion(sources, gaps)
         ticks = _ticks(sources, gaps)
@@ -224,7 +221,7 @@ def read_content(
             sources=sources,
             motion=motion,
             ticks=ticks,
-            verified=verified,
+            checked=checked,
             events=tuple(event for log in sources.logs for event in read_events(log)),
             conditions=conditions,
             gaps=tuple(gaps),

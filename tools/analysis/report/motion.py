@@ -139,9 +139,9 @@ def read_motion(sources: Sources) -> Motion | None:
     else:
         return None
     description = log.description
-    if active["q"].shape[1] != description.n:
+    if (joints := active.dtype["q"].shape[0]) != description.n:
         raise LogError(
-            f"{log.paths[0]}: its States have {active['q'].shape[1]} joints, its "
+            f"{log.paths[0]}: its States have {joints} joints, its "
             f"description {description.n}. Name a log that a service of ours has written"
         )
     settings = sources.settings("controller")
@@ -169,11 +169,11 @@ def read_motion(sources: Sources) -> Motion | None:
             f"{np.count_nonzero(~proved)} of {len(rows)} answers are of a controller that gives no "
             "certificates: V and Ψ are not known there."
         )
-    is_speed = series.unit == UNITS[Setpoint.POSITION]
-    speeds = series.inputs if is_speed else np.asarray(rows["dq"], float)
-    joints_active = np.where(
-        proved, answers["active_joints"], (np.abs(speeds) >= 1e-3).sum(axis=1)
-    ).astype(float)
+    joints_active = answers["active_joints"].astype(float)
+    if not proved.all():
+        is_speed = series.unit == UNITS[Setpoint.POSITION]
+        speeds = series.inputs[~proved] if is_speed else rows[~proved]["dq"]
+        joints_active[~proved] = (np.abs(speeds) >= 1e-3).sum(axis=1)
     session_id = int(active["session_id"][0])
     duration_s = (int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s
     certificates = None

@@ -48,7 +48,7 @@ Tile = tuple[str, str, str, list[str]]
 
 def page(content: Content) -> str:
     """The whole file."""
-    drawings = content.drawings  # made while other processes verify the logs
+    drawings = content.drawings
     ticks, duration = content.ticks, content.duration_s
     length = "" if duration is None else f"{duration:.1f} s of motion"
     words = in_words(content.judged)

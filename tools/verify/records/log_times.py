@@ -13,6 +13,7 @@ from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.disk_rows import PART
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims
 
@@ -122,6 +123,12 @@ class _Times:
         ticks, offs = self._found.setdefault(claim, (array("q"), array("d")))
         ticks.append(self._tick)
         offs.append(off)
+        if len(ticks) == PART:
+            self._compare(claim)
+
+    def _compare(self, claim: str) -> None:
+        ticks, offs = self._found.pop(claim)
+        self._claims.equal(claim, np.array(ticks), np.array(offs), np.zeros(len(offs)), 0.0)
 
     def end(self) -> None:
         """Check the session and the description that the log has beside its messages."""
@@ -129,8 +136,8 @@ class _Times:
         if self._lockstep:  # time ends with the last State, or event
             for kind, stamp in self._waiting[-1]:
                 self._at_least(kind, self._last, stamp)
-        for claim, (ticks, offs) in self._found.items():
-            claims.equal(claim, np.array(ticks), np.array(offs), np.zeros(len(offs)), 0.0)
+        for claim in [*self._found]:
+            self._compare(claim)
         if not self._states:
             return
         if said is None:
