@@ -126,7 +126,7 @@ class DescentProblems(ProblemBuilder):
         Raises:
             UnverifiableError: a value that cannot be used.
         """
-        usual = DEFAULTS | self.own
+        usual = {**DEFAULTS, **self.own}
         self.settings = complete(parameters, usual, "parameters", strict=False)
         for key, value in self.settings.items():
             if key in usual and is_number(value) and not 0.0 <= value <= MOST.get(key, np.inf):
