@@ -199,7 +199,7 @@ def test_clients_steer_and_look_in_every_other_run():
     assert all(each["targets"] > 0 and each["states"] > 0 for each in did)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stranger_floods_in_every_other_run():
     did = measured("flood", "--rate", 5000, "--seconds", 1)
     assert all(each["messages"] > 100 for each in did)

@@ -262,7 +262,7 @@ def test_dependencies_decide_whether_an_environment_is_shared(tmp_path):
     assert dependencies_of(tmp_path) != dependencies_of(HERE)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_current_tree_behaves_as_its_last_commit():
     words = "--against", "HEAD", "--cases", "pairs/qp12-ur5"
     done = subprocess.run(

@@ -140,9 +140,9 @@ def verify(
     works = [partial(_judged, path, work) for _, work in parts]
     if processors() < 2 or states < PARALLEL_FROM:
         return _merged(path, logs, parts, (work(say) for work in works))
-    forked = Forked(works, processors())
+    forked = Forked(works[::-1], processors())  # the replay, which takes longest, begins early
     try:
-        return _merged(path, logs, parts, forked.gather(say))
+        return _merged(path, logs, parts, forked.gather(say)[::-1])
     finally:
         forked.end()
 

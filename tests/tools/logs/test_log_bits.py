@@ -89,7 +89,7 @@ def test_a_flipped_bit_is_found(tmp_path: Path, folder: Path, kind: str) -> None
         assert_found(flipped(tmp_path / "robot.mcap", content, bit), kind, bit)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_bit_of_a_record_is_found(tmp_path: Path, folder: Path, kind: str) -> None:
     """All of a short one, many of a long one."""

@@ -26,7 +26,7 @@ T = 1e-3
 POINT = {"kind": "point", "position_m": [-0.5, -0.25, 0.49]}
 TILT = np.radians(3.0)
 ORDER = {"order": ["hand", "elbow", "posture"]}
-SMALL_AND_LARGE = [200, pytest.param(6000, marks=pytest.mark.slow)]
+SMALL_AND_LARGE = [200, pytest.param(6000, marks=pytest.mark.long)]
 
 
 def settings(**given: object) -> WrenchTask.Parameters:

@@ -13,7 +13,7 @@ def assert_near(found: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * (1 + np.abs(expected).max()))
 
 
-@pytest.mark.parametrize("problems", [300, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("problems", [300, pytest.param(5000, marks=pytest.mark.long)])
 def test_nodes_and_curves_are_those_of_the_equations(problems):
     rng = np.random.default_rng(0)
     for _ in range(problems):

@@ -25,7 +25,7 @@ def vectors(rng: np.random.Generator, most: float) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("problems", [300, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("problems", [300, pytest.param(5000, marks=pytest.mark.long)])
 def test_vectors_and_orientations_are_those_of_matrices(problems):
     rng = np.random.default_rng(0)
     for _ in range(problems):
@@ -57,7 +57,7 @@ def test_the_shorter_way_round_is_found_from_any_two_orientations():
         assert not found[1:].any()
 
 
-@pytest.mark.parametrize("problems", [300, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("problems", [300, pytest.param(5000, marks=pytest.mark.long)])
 def test_a_curve_of_quaternions_turns_as_its_matrices_do(problems):
     rng = np.random.default_rng(2)
     for _ in range(problems):
