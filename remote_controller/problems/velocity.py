@@ -27,7 +27,7 @@ from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default_entry, task_of
 from hoap3.remote_controller.problems.oracles.tasks.task_oracle import AnyTask
 from hoap3.remote_controller.problems.statement import Array, Claim, Statement
-from hoap3.remote_controller.problems.velocity_answer import RELATIVE, VelocityAnswer
+from hoap3.remote_controller.problems.velocity_answer import DELAYED, RELATIVE, VelocityAnswer
 
 PLACE = 64.0 * float(np.finfo(float).eps)
 """How exactly a place of some metres is known from joint positions, or an angle [m or rad]: each
@@ -35,7 +35,6 @@ of up to ten joints rounds it by a few units of the last place."""
 INSIDE = 1.0 - 1e-9  # of the robot's greatest acceleration: it uses rounded positions
 MARGIN_RAD = 1e-9  # taken off both ends of the range
 UNIT, RESERVES = 2.0**-52, 8.0  # of the last place, and how many each step of braking may take
-DELAYED = "answers are delayed: where u starts from is not in the log"
 DEFAULTS: dict[str, Any] = {
     "tasks": None,
     "bounds": {},
