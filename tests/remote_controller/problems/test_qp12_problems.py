@@ -143,7 +143,7 @@ def test_an_answer_with_the_same_v_rate_that_is_not_optimal_is_found(name):
     records, controller, parameters = run(name, TICKS)
     robot, session = (record.payload for record in records[:2])
     made = RobotDescription.from_json(robot), parameters, json.loads(session), controller
-    builder = builder_of(controller)(*made)
+    builder = builder_of(controller, parameters)(*made)
     random = np.random.default_rng(0)
     for kind, _, payload in records[2:]:
         builder.feed(kind, payload)

@@ -439,7 +439,7 @@ def test_defaults_are_those_of_the_controllers():
 
     for name in ("qp12", "pinv", "osqp"):
         known = find(name).Parameters.model_fields
-        for key, usual in {**DEFAULTS, **builder_of(name).own}.items():
+        for key, usual in {**DEFAULTS, **builder_of(name, {}).own}.items():
             first = usual[0] if isinstance(usual, tuple) else usual
             assert known[key].default == first, (name, key)
 
