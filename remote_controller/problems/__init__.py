@@ -2,5 +2,32 @@
 
 A `ProblemBuilder` reads the events of a log and states the problem of each answer: numbers from
 plain numpy and Pinocchio, without the controller and its kernels. `check` says whether the answer
-solves that problem; it knows no controller.
+solves that problem; it knows no controller. A controller of your own names its builder in
+`problem_type`.
 """
+
+from hoap3.remote_controller.problems.history import ProblemBuilder
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.statement import (
+    Claim,
+    ClosedForm,
+    GainProgram,
+    MaximalRate,
+    Program,
+    Rows,
+    Statement,
+)
+from hoap3.remote_controller.problems.velocity_answer import VelocityAnswer
+
+__all__ = [
+    "Claim",
+    "ClosedForm",
+    "GainProgram",
+    "MaximalRate",
+    "ProblemBuilder",
+    "Program",
+    "Rows",
+    "Statement",
+    "UnverifiableError",
+    "VelocityAnswer",
+]

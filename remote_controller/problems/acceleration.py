@@ -474,7 +474,7 @@ class AccelerationProblems(ProblemBuilder):
     def _nearest(self, cycle: Cycle, wish: Wish, limits: Rows, error: float) -> Program:
         """State min ½|R q̈ − r|² within bounds and torques."""
         rows = Rows.stacked([limits, self._torque_rows(cycle)])
-        return _in_ddq(wish.R, wish.r, rows, error)
+        return Program.of(wish.R, wish.r, rows, error)
 
     def _overloaded(
         self, cycle: Cycle, wish: Wish, limits: Rows, error: float, P: float
@@ -489,7 +489,7 @@ class AccelerationProblems(ProblemBuilder):
         most, sign = self.torque_max[over], np.sign(cycle.tau[over])
         R = weight * cycle.M[over] / most[:, None]
         r = weight * (sign - cycle.h[over] / most)
-        return _in_ddq(np.vstack([wish.R, R]), np.concatenate([wish.r, r]), limits, error)
+        return Program.of(np.vstack([wish.R, R]), np.concatenate([wish.r, r]), limits, error)
 
     def _infeasibility_claim(self, cycle: Cycle, limits: Rows) -> Claim:
         """The least t such that some q̈ within its bounds has |τ| ≤ (1 + t)·τ_max is positive."""
@@ -497,12 +497,6 @@ class AccelerationProblems(ProblemBuilder):
         rows = Rows.of(cycle.M / most[:, None], -1.0 - cycle.h / most, 1.0 - cycle.h / most)
         excess = infeasibility(rows, limits)
         return Claim("fallback: none is within all", excess, 0.0, RELATIVE, "at_least")
-
-
-def _in_ddq(R: Array, r: Array, rows: Rows, error: float) -> Program:
-    """Return a Program whose answer is its variables, (n,)."""
-    n = R.shape[1]
-    return Program(R, r, np.zeros(n), np.zeros(n), rows, np.eye(n), np.zeros(n), np.full(n, error))
 
 
 def _task_of(entry: Settings, robot: Robot) -> AccelerationTask:

@@ -13,8 +13,9 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages, Taken
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.statement import Statement
+from hoap3.remote_controller.problems.velocity_answer import DELAYED, VelocityAnswer
 
 if TYPE_CHECKING:
     from hoap3.remote_controller.problems.parameters_in_force import ParametersInForce
@@ -56,6 +57,8 @@ class History:
     """
 
     def __init__(self, description: RobotDescription, session: Mapping[str, Any]) -> None:
+        from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages
+
         self.description, self.session = description, session
         self.messages = Messages(names=session.get("targets") or ())
         self.state: Any = None
@@ -158,6 +161,8 @@ class History:
                 (self.conditions.add if began else self.conditions.discard)(str(names[detail]))
 
     def _take_target(self, payload: bytes) -> None:
+        from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Taken
+
         target, period = Target.like(payload), self.description.period_s
         target.load(payload)
         tick = -1 if self.state is None else int(self.state["tick"])
@@ -203,12 +208,10 @@ class ProblemBuilder(ABC):
     def adopt(self, parameters: Mapping[str, Any]) -> None:
         """Take other parameters from the newest State on; all that is remembered stays."""
 
-    @abstractmethod
-    def begin(self) -> None:
+    def begin(self) -> None:  # noqa: B027 - many remember nothing
         """Forget everything: the newest State is the first after a reset."""
 
-    @abstractmethod
-    def observe(self) -> None:
+    def observe(self) -> None:  # noqa: B027
         """Fold the newest State, which is finite; `begin` was called before, if it is the first."""
 
     @abstractmethod
@@ -238,7 +241,7 @@ class ProblemBuilder(ABC):
     @property
     def has_memory(self) -> bool:
         """Whether `observe` must see each State, not only those whose problems are asked for."""
-        return True
+        return type(self).observe is not ProblemBuilder.observe
 
     def problem(self) -> Statement | None:
         """The problem of the newest answer; None where the log lacks what it depends on."""
@@ -248,6 +251,18 @@ class ProblemBuilder(ABC):
             return None
         finite = is_finite(setpoint, "values", "decision")
         return self.state_problem(setpoint) if finite else None
+
+    def velocity_answer(self, setpoint: Any) -> VelocityAnswer:
+        """The velocity of an answer to the newest State.
+
+        Raises:
+            UnverifiableError: the robot applies answers later, so its start is not in the log.
+        """
+        history = self.history
+        if history.description.delay_ticks:
+            raise UnverifiableError(DELAYED)
+        period_s = history.description.period_s
+        return VelocityAnswer.of(history.state, setpoint, self._given, period_s)
 
     def _close(self, *, asked: bool = False) -> None:
         """Process the newest State, once it is known whether the controller was reset at it."""

@@ -136,17 +136,6 @@ class DescentProblems(ProblemBuilder):
         measured = self.settings["kinematics_from"] == "measured"
         self._kinematics_from = "q" if measured else "reference"
 
-    def begin(self) -> None:
-        """Nothing but the ramp depends on the States before."""
-
-    def observe(self) -> None:
-        """Nothing is remembered of a State."""
-
-    @property
-    def has_memory(self) -> bool:
-        """Whether a State matters to later ones: never."""
-        return False
-
     @property
     def share(self) -> float:
         """Share of u_max and of the gain, while they rise after a reset."""

@@ -104,6 +104,13 @@ class Program:
     error: Array
     z: Array | None = None
 
+    @classmethod
+    def of(cls, R: Array, r: Array, rows: Rows, error: Array | float) -> Program:
+        """Least squares within rows, whose answer is z; an error stands for all of it."""
+        N = R.shape[1]
+        zero = np.zeros(N)
+        return cls(R, r, zero, zero, rows, np.eye(N), zero, np.full(N, error))
+
     @cached_property
     def shows_all(self) -> bool:
         """Whether E is the identity: the answer shows all of z."""
