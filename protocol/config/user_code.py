@@ -6,10 +6,12 @@ a config, or that reads a log, takes `user_code(allowed=False)`.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError
 
@@ -41,6 +43,16 @@ def user_code(*, allowed: bool, say: Callable[[str], None] | None = None) -> Ite
         yield rule
     finally:
         _RULE.reset(token)
+
+
+@contextmanager
+def code_of_log(*, allowed: bool) -> Iterator[UserCode]:
+    """`user_code` of a log; where allowed, the current folder joins the end of the import path."""
+    here = str(Path.cwd())
+    if allowed and here not in sys.path:
+        sys.path.append(here)
+    with user_code(allowed=allowed) as rule:
+        yield rule
 
 
 def may_import() -> bool:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -27,6 +27,9 @@ from hoap3.remote_controller.scheduling.changes import FILE, Changes, Part, priv
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.registry import FollowedTask
+
+if TYPE_CHECKING:
+    from hoap3.remote_controller.problems import ProblemBuilder
 
 STATUS = certificate.STATUS
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
@@ -133,6 +136,8 @@ class Controller(ABC):
     fixed: frozenset[str] = frozenset()
     kernels: ClassVar[tuple[str, ...]] = ()
     """Modules that compile what it needs; a service has them ready before anything else."""
+    problem_type: ClassVar[type[ProblemBuilder] | None] = None
+    """What `hoap3 verify` checks its answers with; without it they are not verified."""
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
         self.conditions: tuple[str, ...] = ()

@@ -7,7 +7,6 @@ Bit identity is promised for the same machine and versions; elsewhere there is a
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from dataclasses import field as made
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
-from hoap3.protocol.config.user_code import user_code
+from hoap3.protocol.config.user_code import code_of_log
 from hoap3.protocol.errors import Hoap3Error, LogError
 from hoap3.protocol.messages import STAMP_FIELDS, Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
@@ -161,11 +160,8 @@ def _replay(
             f"{path}: its controller {config.controller!r} is not registered here, and code is not "
             "run on the word of a log. If you trust it, add --allow-code"
         )
-    here = str(Path.cwd())
-    if allow_code and here not in sys.path:
-        sys.path.append(here)
     try:
-        with user_code(allowed=allow_code):
+        with code_of_log(allowed=allow_code):
             given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say}
             given |= {"repeated": repeated, "expected": log.count(Kind.SETPOINT)}
             return replay_records(log.records(), config, **given)

@@ -11,13 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.errors import FrameNotFoundError, UsageError
+from hoap3.protocol.config.plugins import blame
+from hoap3.protocol.config.user_code import code_of_log
+from hoap3.protocol.errors import UsageError
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.controllers.singularity import LEAVING
 from hoap3.remote_controller.problems.check import check
 from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.registry import BUILTIN, find
 from hoap3.tools.verify.claims import Claims
 
 BUILDERS = {
@@ -35,16 +38,42 @@ have a checker of their own."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"
+NOTHING = "its problem_type states nothing of the answer"
 PART = 5000  # answers whose findings are counted together
 
 
-def builder_of(controller: str, parameters: Mapping[str, Any]) -> type[ProblemBuilder] | None:
-    """The builder of a controller's problems; None where there is none, as of a free base."""
+def builder_of(
+    controller: str, parameters: Mapping[str, Any], *, allow_code: bool = False
+) -> type[ProblemBuilder] | None:
+    """The builder of a controller's problems; None for one of ours without, as of a free base.
+
+    Args:
+        controller: registered, or a dotted path.
+        parameters: of the log's config.
+        allow_code: import what is named by a dotted path; what is installed always is.
+
+    Raises:
+        UnverifiableError: a user's controller that cannot be imported or has no `problem_type`.
+    """
+    if controller not in BUILTIN:
+        return _problem_type(controller, allow_code=allow_code)
     if controller not in BUILDERS or parameters.get("base") == "free":
         return None
     module, name = BUILDERS[controller].split(":")
     module = f"hoap3.remote_controller.problems.{module}"
     found: type[ProblemBuilder] = getattr(import_module(module), name)
+    return found
+
+
+def _problem_type(controller: str, *, allow_code: bool) -> type[ProblemBuilder]:
+    """The builder that a user's controller names."""
+    try:
+        with code_of_log(allowed=allow_code):
+            found = find(controller).problem_type
+    except UsageError as error:
+        raise UnverifiableError(f"{error!s:.240}") from error
+    if not (isinstance(found, type) and issubclass(found, ProblemBuilder)):
+        raise UnverifiableError(f"controller {controller!r:.60} names no problem_type")
     return found
 
 
@@ -89,6 +118,8 @@ def check_statements(
             if statement is None:
                 missing += 1
                 continue
+            if not (statement.problems or statement.claims or statement.unverified):
+                claims.unverified("certificate", 1, NOTHING)
             for name, reason in statement.unverified:
                 claims.unverified(name, 1, reason)
             tick = float(builder.history.state["tick"])
@@ -108,24 +139,32 @@ def check_engagements(
     answers: int = 0,
     most: int | None = None,
     say: Callable[[str], None] = lambda _: None,
+    allow_code: bool = False,
 ) -> None:
     """Check the answers of a controller's log by its builder.
 
+    What a user's builder raises is the reason why the answers are not verified.
+
     Args:
         records: all of the log.
-        controller: its registered name; without a builder, nothing is checked.
+        controller: its name; without a builder of one of ours, nothing is checked.
         parameters: of the log's config.
         claims: takes what was compared.
         answers: how many the log has.
         most: about how many of them are checked, a random sample; None: all of a controller whose
             builder is fast enough, else `SAMPLE`.
         say: takes progress, for people.
+        allow_code: as for `builder_of`.
+
+    Raises:
+        UnverifiableError: as of `builder_of`.
     """
-    kind = builder_of(controller, parameters)
+    kind = builder_of(controller, parameters, allow_code=allow_code)
     if kind is None:
         return
     if most is None and not kind.checks_every_answer:
         most = SAMPLE
+    expected = (UnverifiableError, UsageError) if controller in BUILTIN else (Exception,)
     share = 1.0 if most is None else min(1.0, most / max(answers, 1))
     description: RobotDescription | None = None
     reader, lost = iter(records), 0
@@ -143,9 +182,11 @@ def check_engagements(
             builder = kind(description, parameters, session, controller)
             failed_at = 1  # from here on, an error is raised at an answer that was read
             check_statements(engagement, builder, claims, share=share, say=say)
-        except (UnverifiableError, FrameNotFoundError, UsageError) as error:
+        except expected as error:
             rest = sum(each.kind == Kind.SETPOINT for each in engagement)
-            claims.unverified("certificate", rest + failed_at, f"{error!s:.120}")
+            known = isinstance(error, UnverifiableError | UsageError)
+            reason = str(error) if known else blame(error, kind)
+            claims.unverified("certificate", rest + failed_at, f"{reason:.120}")
         description = engagement.description or description
         record = engagement.following
     claims.unverified("certificate", lost, "there is no description or session before it")

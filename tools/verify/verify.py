@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import with_motions
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
@@ -114,7 +116,8 @@ def verify(
         path: `*.mcap`, or a folder.
         say: takes progress, for people.
         repeat: also replay the controller, for its summaries, events and session.
-        allow_code: import for that what the log names by a dotted path.
+        allow_code: import what the log names by a dotted path: to replay it, and for the
+            `problem_type` of a controller.
         opened: the logs by side, where they are open already.
         most_answers: certificates of about so many answers are checked, a random sample with the
             seed 0, where the controller's builder states its problems one by one; None: all where
@@ -130,9 +133,9 @@ def verify(
     most = sys.maxsize if every else most_answers
     parts: list[tuple[str, Work]] = []
     for side, log in logs.items():
-        parts.append((side, partial(_check_side, log)))
+        parts.append((side, partial(_check_side, log, allow_code)))
         if side == "controller":
-            parts.append((side, partial(_check_problems, log, most)))
+            parts.append((side, partial(_check_problems, log, most, allow_code)))
         if repeat and side == "controller":
             parts.append((side, partial(_repeat, log, allow_code=allow_code)))
     parts.append(("", partial(_check_together, logs)))
@@ -214,7 +217,7 @@ def _sides(path: Path) -> tuple[str | None, ...]:
     return there or ("controller",)
 
 
-def _check_side(log: Log, part: Part, say: Callable[[str], None]) -> None:
+def _check_side(log: Log, allow_code: bool, part: Part, say: Callable[[str], None]) -> None:
     say(f"log of the {log.side}")
     config, claims = _config(log), part.claims
     if config is None:
@@ -226,7 +229,7 @@ def _check_side(log: Log, part: Part, say: Callable[[str], None]) -> None:
         hold = (config or {}).get("loss_policy") == "hold"
         check_robot(log, misses if isinstance(misses, int) else None, claims, hold=hold)
     else:
-        _check_controller(log, config, claims, say)
+        _check_controller(log, config, claims, say, allow_code)
 
 
 def _compute_time(config: dict[str, Any]) -> int | None:
@@ -242,11 +245,19 @@ def _config(log: Log) -> dict[str, Any] | None:
 
 
 def _check_controller(
-    log: Log, config: dict[str, Any] | None, claims: Claims, say: Callable[[str], None]
+    log: Log,
+    config: dict[str, Any] | None,
+    claims: Claims,
+    say: Callable[[str], None],
+    allow_code: bool,
 ) -> None:
     name, parameters = _controller(config)
-    check, has_builder = checker_of(name), builder_of(name, parameters) is not None
-    reason = "the log has no config" if config is None else f"controller {name!r:.60} is not known"
+    check, has_builder, reason = checker_of(name), False, "the log has no config"
+    try:
+        if config is not None:
+            has_builder = builder_of(name, parameters, allow_code=allow_code) is not None
+    except UnverifiableError as error:
+        reason = str(error)
     for run in runs(log.records()):
         check_order(run, claims)
         say(f"{len(run.answers)} answers")
@@ -259,14 +270,15 @@ def _check_controller(
                 check(check_leaving(part, given, claims), given, claims)
 
 
-def _check_problems(log: Log, most: int | None, part: Part, say: Callable[[str], None]) -> None:
+def _check_problems(
+    log: Log, most: int | None, allow_code: bool, part: Part, say: Callable[[str], None]
+) -> None:
     """Check answers by the problems that the controller's builder states."""
     (name, parameters), answers = _controller(_config(log)), log.count(Kind.SETPOINT)
-    if builder_of(name, parameters) is None:
-        return
+    options: dict[str, Any] = {"answers": answers, "most": most, "allow_code": allow_code}
     say(f"problems of {answers} answers")
-    records = log.records()
-    check_engagements(records, name, parameters, part.claims, answers=answers, most=most, say=say)
+    with suppress(UnverifiableError):  # `_check_controller` has the reason
+        check_engagements(log.records(), name, parameters, part.claims, say=say, **options)
 
 
 def _controller(config: Mapping[str, Any] | None) -> tuple[str, dict[str, Any]]:
