@@ -14,6 +14,7 @@ from support import HOUSE
 from support.command_bench import inside
 
 import hoap3
+from hoap3.protocol.config.settings import load_yaml
 from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.remote_controller.constraints.registry import find as find_constraint
 from hoap3.remote_controller.registry import find as find_controller
@@ -21,6 +22,8 @@ from hoap3.remote_controller.tasks.registry import find as find_task
 from hoap3.robot_emulator.plants.registry import PLANTS
 from hoap3.tools.new.kinds import KINDS
 from hoap3.tools.new.package import render, write_package
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.statements import check_engagements
 
 FIND = {
     "controller": find_controller,
@@ -74,6 +77,14 @@ def test_it_is_found_by_its_name_and_moves(kind, begun):
     reference = run.states["reference"]
     assert np.abs(reference[-1] - reference[0]).max() > 1e-4
     assert run.deadlines.run_rate == 1.0
+
+
+def test_answers_of_an_installed_controller_are_verified(begun):
+    config = begun("controller") / "first_try.yaml"
+    run, claims = hoap3.simulate("hoap3", str(config), duration=0.1), Claims()
+    check_engagements(run.records, "first_try", load_yaml(config)["parameters"], claims)
+    assert claims.counts["optimum"].checked >= 100
+    assert claims.false == claims.unverifiable == 0
 
 
 @every_kind
