@@ -82,7 +82,7 @@ def _class(kind: str, what: str, run: str, taken: Callable[[], Iterable[str]], e
 KINDS = {
     "controller": _class(
         "controller",
-        "A controller that brings all joints to a posture",
+        "A controller that brings all joints to a posture, with its problem for hoap3 verify",
         "--controller $name.yaml",
         _controllers,
         "Controller",
