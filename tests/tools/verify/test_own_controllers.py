@@ -11,7 +11,8 @@ from support.command_bench import inside
 from tampering import SETPOINT, changed_field, config_of, ran, rewrite
 
 import hoap3
-from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.new.package import render
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.statements import NOTHING, check_engagements
@@ -19,6 +20,12 @@ from hoap3.tools.verify.verify import verify
 
 TICK = 50
 OTHERS = """
+from hoap3.protocol.config.changeable import CHANGEABLE
+
+class ChangedController(OwnController):
+    class Parameters(OwnController.Parameters):
+        gain_per_s: float = Field(2.0, gt=0, json_schema_extra=CHANGEABLE)
+
 
 class NoneController(OwnController):
     problem_type = None
@@ -131,6 +138,23 @@ def test_exit_codes_tell_not_verified_from_false(story, tmp_path):
             assert done.code == code, done.stdout
             assert done.stdout.startswith(f"{verdict}: ")
     assert "not verified: certificate, 100 times: " in inside("verify", unverified).stdout
+
+
+def test_a_changed_number_is_followed(story):
+    law = {"controller": "own:ChangedController", "parameters": {"posture": "q0_arms_forward"}}
+
+    def steer(loop: ControllerLoop) -> None:
+        if loop.last_tick == TICK // 2:
+            loop.change(b'{"gain_per_s": 1.0, "over_s": 0.02}')
+
+    records: list[Record] = hoap3.simulate("hoap3", law, duration=0.1, steer=steer).records
+    claims = Claims()
+
+    check_engagements(records, law["controller"], law["parameters"], claims, allow_code=True)
+
+    assert Kind.CHANGE in {record.kind for record in records}
+    assert claims.by_tick() == []
+    assert claims.counts["optimum"].checked == 100
 
 
 def test_answers_to_a_robot_with_a_delay_are_not_verified(story):
