@@ -253,7 +253,10 @@ class ProblemBuilder(ABC):
         return self.state_problem(setpoint) if finite else None
 
     def velocity_answer(self, setpoint: Any) -> VelocityAnswer:
-        """The velocity of an answer to the newest State.
+        """The joint velocities of an answer to the newest State, (n,) [rad/s or m/s].
+
+        Args:
+            setpoint: as for `state_problem`.
 
         Raises:
             UnverifiableError: the robot applies answers later, so its start is not in the log.

@@ -106,7 +106,13 @@ class Program:
 
     @classmethod
     def of(cls, R: Array, r: Array, rows: Rows, error: Array | float) -> Program:
-        """Least squares within rows, whose answer is z; an error stands for all of it."""
+        """Min ½|R z − r|² within rows, where the answer is z, (N,).
+
+        Args:
+            R, r: (k, N), (k,).
+            rows: that z keeps.
+            error: (N,), or one number for all of it.
+        """
         N = R.shape[1]
         zero = np.zeros(N)
         return cls(R, r, zero, zero, rows, np.eye(N), zero, np.full(N, error))
