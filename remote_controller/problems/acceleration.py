@@ -30,7 +30,7 @@ from hoap3.remote_controller.problems.acceleration_claims import (
     worst,
 )
 from hoap3.remote_controller.problems.check import infeasibility
-from hoap3.remote_controller.problems.history import OF_PRIORITIES, ProblemBuilder
+from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
@@ -194,7 +194,7 @@ class AccelerationProblems(ProblemBuilder):
         self._friction = self._body.damping * float(self.settings["compensate_friction"])
         self._columns = {name: place for place, name in enumerate(session.get("extra") or ())}
         self._schedule = TickSchedule(self.schedule(self.settings), description.period_s)
-        self._first_tick = self._requests = 0
+        self._first_tick = 0
         self._apply(self.settings)
         self._start = np.full(description.n, np.nan)
         robot.place(description.initial_position)
@@ -241,25 +241,22 @@ class AccelerationProblems(ProblemBuilder):
         self._robot.place(state["q"])
         self._robot.move(state["dq"])
 
-    def _close(self, *, asked: bool = False) -> None:
-        """Restart the schedule with a reset, even where that State is not finite."""
+    def restart(self) -> None:
+        """Restart the schedule with a reset."""
         history = self.history
-        if self._open and history.was_reset:
-            period_s = history.description.period_s
-            self._schedule = TickSchedule(self.schedule(self.settings), period_s)
-            self._first_tick = int(history.state["tick"])
-            self._requests = len(history.changes)
-            self._start = np.array(history.state["q"])
-        super()._close(asked=asked)
+        period_s = history.description.period_s
+        self._schedule = TickSchedule(self.schedule(self.settings), period_s)
+        self._first_tick = int(history.state["tick"])
+        history.requests.clear()
+        self._start = np.array(history.state["q"])
 
     def observe(self) -> None:
         """Evaluate what has memory: the schedule, tolerances, and contacts."""
         history, schedule = self.history, self._schedule
         state, time_s, period_s = history.state, history.time_s, history.description.period_s
-        for _, request in history.changes[self._requests :]:
-            if not OF_PRIORITIES.isdisjoint(request):
-                schedule.change(request)
-        self._requests = len(history.changes)
+        for request in history.requests:
+            schedule.change(request)
+        history.requests.clear()
         schedule.advance(int(state["tick"]) - self._first_tick)
         watched = [task for task in self.tasks if task.watched]
         if watched or self._wrench_tasks:

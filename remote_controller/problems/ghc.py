@@ -53,6 +53,21 @@ SINGULAR = 1e-13  # of the largest eigenvalue of S: less is rounding
 BRAKE_PER_S = 10.0  # of −q̇, the wish where the tasks have no answer even with strong motors
 
 
+class Wanted(NamedTuple):
+    """J_i x_i = b_i of all tasks, below each other.
+
+    Attributes:
+        J, b: (m, n) and (m,).
+        b_error: rounding error of b, (m,).
+        edges: first row of each task, and m.
+    """
+
+    J: Array
+    b: Array
+    b_error: Array
+    edges: list[int]
+
+
 class Condensed(NamedTuple):
     """S (n, n) and q₀ (n,), and the rounding error of the latter."""
 
@@ -99,7 +114,7 @@ class GhcProblems(AccelerationProblems):
         tau = Values(cycle.tau, cycle.tau_error, -self.torque_max, self.torque_max)
         weight, offset = self._effort(cycle)
         given = self._condensed(cycle, cycle.rows.jacobian), weight, cycle.M, cycle.h, offset
-        return _program(*given, ddq, tau, np.zeros(len(cycle.dq)))
+        return program_of(*given, ddq, tau, np.zeros(len(cycle.dq)))
 
     def wish(self, cycle: Cycle) -> Wish:
         """Return the optimum with strong motors."""
@@ -122,7 +137,7 @@ class GhcProblems(AccelerationProblems):
             J: of the tasks' variables, (m, n); those of the last are q̈ or τ − h, too.
         """
         settings, alpha = self.settings, cycle.importance
-        k, n, w = len(alpha), J.shape[1], float(settings["w_r"])
+        k = len(alpha)
         d = min(settings["null_damping_per_s"], 1.0 / self.history.description.period_s)
         J = np.vstack([J, self._last_rows(cycle)])
         b = np.concatenate([cycle.desired, -d * cycle.dq])
@@ -133,21 +148,8 @@ class GhcProblems(AccelerationProblems):
         whole[:k, :k], whole[k, :k] = alpha, 1.0 - alpha.diagonal()
         if settings["null_damping_per_s"] == 0.0:
             whole[k] = 1.0
-        projectors = Projectors(J, edges, float(settings["smoothing"]))
-        S, q0, q0_error = np.zeros((n, n)), np.zeros(n), np.zeros(n)
-        for row, edge in zip(whole, pairwise(edges), strict=True):
-            P, part = projectors.of(row), slice(*edge)
-            left, s, Vt = np.linalg.svd(J[part])
-            square = np.zeros(n)
-            square[: len(s)] = s**2
-            root = P @ Vt.T / np.sqrt(square + w)
-            S += root @ root.T
-            gain = P @ Vt[: len(s)].T * (s / (s**2 + w)) @ left[:, : len(s)].T
-            q0 += gain @ b[part]
-            amplified = np.linalg.norm(gain) * projectors.amplify + s[0] / (s[-1] ** 2 + w)
-            q0_error += np.abs(gain) @ b_error[part]
-            q0_error += ROUNDING * amplified * np.linalg.norm(b[part])
-        return Condensed(S, q0, q0_error)
+        rows = Wanted(J, b, b_error, edges)
+        return condensed(rows, whole, float(settings["w_r"]), float(settings["smoothing"]))
 
     def _last_rows(self, cycle: Cycle) -> Array:
         """J of the last task, which brakes all joints, (n, n)."""
@@ -168,7 +170,7 @@ class GhcTorqueProblems(GhcProblems):
         ddq = Values(cycle.ddq, cycle.ddq_error, cycle.lower, cycle.upper)
         none = np.zeros(len(h))
         given = self._condensed(cycle, cycle.rows.jacobian @ inverse), 0.0, inverse, none, none
-        return _program(*given, torque, ddq, h)
+        return program_of(*given, torque, ddq, h)
 
     def wish(self, cycle: Cycle) -> Wish:
         """Return the optimum with strong motors."""
@@ -238,8 +240,35 @@ class Projectors:
         return np.asarray(self._one - Vt.T * shares @ Vt)
 
 
-def _program(
-    condensed: Condensed,
+def condensed(wanted: Wanted, alpha: Array, w: float, width: float) -> Condensed:
+    """Return S and q₀ of tasks with priorities.
+
+    Args:
+        wanted: of the tasks.
+        alpha: (k, k), of task j over task i.
+        w: ω.
+        width: s₀ of the projectors.
+    """
+    J, b, b_error, edges = wanted
+    projectors, n = Projectors(J, edges, width), J.shape[1]
+    S, q0, q0_error = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    for row, edge in zip(alpha, pairwise(edges), strict=True):
+        P, part = projectors.of(row), slice(*edge)
+        left, s, Vt = np.linalg.svd(J[part])
+        square = np.zeros(n)
+        square[: len(s)] = s**2
+        root = P @ Vt.T / np.sqrt(square + w)
+        S += root @ root.T
+        gain = P @ Vt[: len(s)].T * (s / (s**2 + w)) @ left[:, : len(s)].T
+        q0 += gain @ b[part]
+        amplified = np.linalg.norm(gain) * projectors.amplify + s[0] / (s[-1] ** 2 + w)
+        q0_error += np.abs(gain) @ b_error[part]
+        q0_error += ROUNDING * amplified * np.linalg.norm(b[part])
+    return Condensed(S, q0, q0_error)
+
+
+def program_of(
+    given: Condensed,
     weight: float,
     M: Array,
     h: Array,
@@ -251,13 +280,13 @@ def _program(
     """State min ½ (x − q₀)ᵀ S⁺ (x − q₀) + ½ ω |y − o|² with y = M x + h; the answer is x + shift.
 
     Args:
-        condensed: S and q₀.
+        given: S and q₀.
         weight: ω.
         M, h, offset: (n, n) and (n,).
         x, y: of an answer, with their limits.
         shift: (n,).
     """
-    S, q0, q0_error = condensed
+    S, q0, q0_error = given
     values, vectors = np.linalg.eigh(S)
     kept = values > SINGULAR * values[-1]
     length = np.sqrt(values[kept])

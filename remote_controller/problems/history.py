@@ -51,7 +51,7 @@ class History:
         was_reset: whether the controller was reset at `state`.
         known: whether the log has everything since the last reset.
         conditions: texts of those that hold.
-        changes: requests to change parameters, with the count of States before each.
+        requests: for other priorities, which a builder has not processed yet.
         states, rejected: how many States there were, and how many of other layouts.
         needed: fields of a State without which a cycle cannot be repeated.
     """
@@ -69,7 +69,7 @@ class History:
         self.first: Any = None
         self.finite = self.fresh = self.known = self.was_reset = False
         self.conditions: set[str] = set()
-        self.changes: list[tuple[int, dict[str, Any]]] = []
+        self.requests: list[dict[str, Any]] = []
         self.states, self.rejected = 0, 0
         self._reset_at: Any = None
         self.needed: tuple[str, ...] = FINITE
@@ -142,7 +142,9 @@ class History:
         elif kind == Kind.TARGET:
             self._take_target(payload)
         elif kind == Kind.CHANGE:
-            self.changes.append((self.states, json.loads(payload)))
+            request = json.loads(payload)
+            if not OF_PRIORITIES.isdisjoint(request):
+                self.requests.append(request)
         elif kind == Kind.GAP:
             self._gap, self.known, self._skips_answers = True, False, True
             self.first = self.before = self.last = self.last_answer = self.answer = None
@@ -208,7 +210,10 @@ class ProblemBuilder(ABC):
     def adopt(self, parameters: Mapping[str, Any]) -> None:
         """Take other parameters from the newest State on; all that is remembered stays."""
 
-    def begin(self) -> None:  # noqa: B027 - many remember nothing
+    def restart(self) -> None:  # noqa: B027 - many remember nothing
+        """The controller was reset at the newest State, which need not be finite."""
+
+    def begin(self) -> None:  # noqa: B027
         """Forget everything: the newest State is the first after a reset."""
 
     def observe(self) -> None:  # noqa: B027
@@ -271,6 +276,8 @@ class ProblemBuilder(ABC):
         """Process the newest State, once it is known whether the controller was reset at it."""
         history, waiting = self.history, self._open
         self._open = False
+        if waiting and history.was_reset:
+            self.restart()
         if waiting and self._in_force is not None:
             self._follow(self._in_force)
         if waiting and history.known and history.finite:

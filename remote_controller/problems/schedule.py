@@ -14,7 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.remote_controller.problems.oracles.parameters import (
+    NOT_READ,
+    UnverifiableError,
+    reason_of,
+)
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -57,9 +61,16 @@ class Schedule(ABC):
         return self._value(time_s)
 
     def change(self, request: Settings, time_s: float) -> None:
-        """Apply a request, at a time since the reset [s]."""
+        """Apply a request, at a time since the reset [s].
+
+        Raises:
+            UnverifiableError: it is none of these tasks.
+        """
         self.at(time_s)
-        self._take(request, time_s)
+        try:
+            self._take(request, time_s)
+        except NOT_READ as error:
+            raise UnverifiableError(reason_of(error)) from error
         self._time = -math.inf
 
     @abstractmethod

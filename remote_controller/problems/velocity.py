@@ -153,7 +153,7 @@ class Cycle:
     Attributes:
         e: errors, (m,).
         J: ∂e/∂q, (m, n).
-        moving: whether a target moves.
+        rate: ∂e/∂t, (m,).
         along: e a period later if no joint moves, (m,).
         ahead: e a period later where u leads, (m,).
         place: how exactly each error is known, (m,).
@@ -163,7 +163,7 @@ class Cycle:
 
     e: Array
     J: Array
-    moving: bool
+    rate: Array
     along: Array
     ahead: Array
     place: Array
@@ -171,6 +171,11 @@ class Cycle:
     u_error: Array
     lower: Array
     upper: Array
+
+    @property
+    def moving(self) -> bool:
+        """Whether a target moves."""
+        return bool(self.rate.any())
 
 
 class VelocityProblems(ProblemBuilder):
@@ -246,9 +251,10 @@ class VelocityProblems(ProblemBuilder):
     def observe(self) -> None:
         """Compare measured positions with the tolerances of trajectories."""
         state = self.history.state
-        if self.has_memory and state["mode"] == State.ACTIVE:  # else it follows no setpoint
+        watched = [task for task in self.tasks if task.watched]
+        if watched and state["mode"] == State.ACTIVE:  # else it follows no setpoint
             self.robot.place(state["q"])
-            for task in self.tasks:
+            for task in watched:
                 task.watch(self.robot, self.history.time_s)
 
     def state_problem(self, setpoint: Any) -> Statement:
@@ -258,10 +264,16 @@ class VelocityProblems(ProblemBuilder):
         near = np.array([np.linalg.norm(cycle.place[rows]) for rows in self.rows])
         stated = setpoint["extra"][: len(found)]
         claims = [claim_each("error", stated, found, RELATIVE * found + near)]
+        claims += self.logged_claims(setpoint)
         if self.history.description.delay_ticks:
             return self.unverifiable("delayed", setpoint, claims, [("u", DELAYED)])
         claims += [*self._answer(setpoint).claims(), _margin_claim(setpoint, cycle)]
         return self.cycle_problem(setpoint, cycle, claims)
+
+    def logged_claims(self, setpoint: Any) -> list[Claim]:
+        """Claims of numbers that do not depend on u."""
+        del setpoint
+        return []
 
     def unverifiable(
         self,
@@ -299,14 +311,13 @@ class VelocityProblems(ProblemBuilder):
         robot.place(base)
         parts = [task.at(robot, now) for task in self.tasks]
         e, J, rate = (np.concatenate([part[k] for part in parts]) for k in range(3))
-        moving = bool(rate.any())
-        along = self._errors(now + self.T) if moving else e
+        along = self._errors(now + self.T) if rate.any() else e
         robot.place_only(base + answer.u * self.T)
         ahead = self._errors(now + self.T)
         place = np.concatenate([PLACE * task.rounding * task.roots for task in self.tasks])
         reference = self.history.state["reference"]
         bounds = velocity_bounds(reference, self._reference_velocity(), self.limits, self.T)
-        return Cycle(e, J, moving, along, ahead, place, answer.u, answer.error, *bounds)
+        return Cycle(e, J, rate, along, ahead, place, answer.u, answer.error, *bounds)
 
     def _errors(self, time_s: float) -> Array:
         return np.concatenate([task.error_at(self.robot, time_s) for task in self.tasks])

@@ -25,7 +25,6 @@ Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 FUNCTIONS = {
     "ghc": "acceleration.free_base:check_free_base",
     "ghc_torque": "acceleration.free_base:check_free_base",
-    "ghc_velocity": "velocity.ghc_velocity:check",
     "hqp": "acceleration.hqp:check",
     "joint_acceleration": "acceleration.joint_acceleration:check",
     "tsid": "acceleration.tsid:check",

@@ -28,6 +28,7 @@ BUILDERS = {
     "clik_sdp": "clik_sdp:ClikSdpProblems",
     "ghc": "ghc:GhcProblems",
     "ghc_torque": "ghc:GhcTorqueProblems",
+    "ghc_velocity": "ghc_velocity:GhcVelocityProblems",
     "osqp": "qp12:OsqpProblems",
     "pinv": "qp12:PinvProblems",
     "qp12": "qp12:Qp12Problems",
