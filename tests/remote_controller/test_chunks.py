@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.checked_answers import check_answers
 from support.robots.steered_hand import MOVING, T, hands, lag_and_error, peak_jerk
 
 import hoap3
@@ -18,9 +19,6 @@ from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.services.configs import load_controller_config
 from hoap3.tools.services.simulate import Simulation
-from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.controller_log import runs
-from hoap3.tools.verify.controllers.velocity import ghc_velocity
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "slow_policy.py"))
 STEP: int = EXAMPLE["STEP_TICKS"]
@@ -92,9 +90,8 @@ def assert_follows(seconds: float) -> None:
 
 def verified(records: list[Record]) -> dict[str, Any]:
     """What is recomputed of the answers without the code that made them."""
-    (logged,), claims = list(runs(records)), Claims()
-    ghc_velocity.check(logged, load_controller_config("steered_ur5")[0].parameters, claims)
-    return claims.as_json()
+    parameters = load_controller_config("steered_ur5")[0].parameters
+    return check_answers(records, "ghc_velocity", parameters).as_json()
 
 
 @pytest.mark.slow

@@ -8,14 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems.velocity_answer import ACTIVE, ROUNDINGS
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 
 Array = NDArray[np.float64]
-
-ROUNDINGS = 8  # ulp of the reference that an answer may be off, per period
-ACTIVE = 1e-3  # rad/s: from which on a joint counts as active
-DELAYED = "answers are delayed: where u starts from is not in the log"
 
 
 def judged(run: ControllerRun, claims: Claims) -> ControllerRun:

@@ -11,7 +11,16 @@ from support.checked_answers import check_answers
 
 from hoap3.protocol.config.settings import parse
 from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds as kernel
-from hoap3.remote_controller.problems import clik_sdp, velocity
+from hoap3.remote_controller.problems import clik_sdp, ghc_velocity, velocity
+from hoap3.remote_controller.problems.check import check_problem
+from hoap3.remote_controller.problems.ghc import (
+    Condensed,
+    Projectors,
+    Values,
+    Wanted,
+    condensed,
+    program_of,
+)
 from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import stopping_speed
 from hoap3.remote_controller.problems.oracles.parameters import NOT_READ
 from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
@@ -21,11 +30,8 @@ from hoap3.remote_controller.scheduling import priorities as scheduling
 from hoap3.remote_controller.scheduling.priorities import PrioritySettings, top_level
 from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
 from hoap3.tools.verify.changes import OF_CHANGES
-from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
-from hoap3.tools.verify.controllers.velocity import ghc_velocity
-from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers
 
-SIZES, ROWS = [3, 2], [slice(0, 3), slice(3, 5)]
+SIZES, EDGES, ROWS = [3, 2], [0, 3, 5], [slice(0, 3), slice(3, 5)]
 
 
 def jacobians(number: int = 6, n: int = 7, seed: int = 1) -> np.ndarray:
@@ -58,38 +64,37 @@ def test_the_hierarchy_is_condensed_as_by_the_reference(width: float) -> None:
     b = random.normal(size=(6, 5))
     alpha = np.array([np.array([[0.0, a], [1.0, 0.0]]) for a in (0.0, 0.2, 1.0, 0.5, 0.0, 0.0)])
 
-    found = condensed(J, b, ROWS, alpha, 1e-3, width)
-
     for k in range(6):
+        found = condensed(Wanted(J[k], b[k], np.zeros(5), EDGES), alpha[k], 1e-3, width)
         parts = [J[k, rows] for rows in ROWS], [b[k, rows] for rows in ROWS]
         S, q0 = ghc_reference.condensed(*parts, alpha[k], 1e-3, width)
-        np.testing.assert_allclose(found.S[k], S, rtol=1e-9, atol=1e-9 * np.abs(S).max())
-        np.testing.assert_allclose(found.q0[k], q0, atol=1e-9)
+        np.testing.assert_allclose(found.S, S, rtol=1e-9, atol=1e-9 * np.abs(S).max())
+        np.testing.assert_allclose(found.q0, q0, atol=1e-9)
         for i in range(2):
             P = ghc_reference.projector(np.repeat(alpha[k, i], SIZES), J[k], width)
-            ours = Projectors(J, [0, *(each.stop for each in ROWS)], width).of(alpha[:, i])
-            np.testing.assert_allclose(ours[k], P, atol=1e-9)
+            ours = Projectors(J[k], EDGES, width).of(alpha[k, i])
+            np.testing.assert_allclose(ours, P, atol=1e-9)
 
 
-def test_multipliers_prove_the_optimum_of_the_reference_and_no_other_point() -> None:
+def test_the_optimum_of_the_reference_solves_the_program_and_no_other_point_does() -> None:
     J, b = jacobians()[3:], np.random.default_rng(6).normal(size=(3, 5))
-    alpha = np.array([[[0.0, 0.0], [1.0, 0.0]]] * 3)
-    problem = condensed(J, b, ROWS, alpha, 1e-2, 0.0)
-    none, I7 = np.zeros((7, 7)), np.eye(7)
-    limit = 0.5 * np.abs(problem.q0).max()
-    G, h = np.vstack([I7, -I7]), -limit * np.ones(14)
-    best = [ghc_reference.optimum(problem.S[k], problem.q0[k], 0.0, none, 0.0 * b[k, :1], G, h)
-            for k in range(3)]  # fmt: skip
-    u = np.array([each[0] for each in best])
+    alpha, none, one = np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros(7), np.eye(7)
 
-    def off(u: np.ndarray) -> np.ndarray:
-        mu = multipliers(problem, u, u <= -limit + 1e-9, u >= limit - 1e-9)
-        return np.abs(u - problem.q0 - (problem.S @ mu[:, :, None])[:, :, 0]).max(1)
+    def holds(u: np.ndarray, given: Condensed, limit: np.ndarray) -> bool:
+        values = Values(u, none, -limit, limit), Values(u, none, none - np.inf, none + np.inf)
+        program = program_of(given, 0.0, one, none, none, *values, none).problem
+        return all(each.holds for each in check_problem(program, u, none))
 
-    assert off(u).max() < 1e-9
-    free = (np.abs(np.abs(u) - limit) > 1e-9).argmax(1)
-    u[range(3), free] += 1e-6
-    assert off(u).min() > 1e-8
+    for k in range(3):
+        given = condensed(Wanted(J[k], b[k], np.zeros(5), EDGES), alpha, 1e-2, 0.0)
+        limit = np.full(7, 0.5 * np.abs(given.q0).max())
+        G, h = np.vstack([one, -one]), -np.tile(limit, 2)
+        best = ghc_reference.optimum(given.S, given.q0, 0.0, 0.0 * one, none, G, h)
+        assert best is not None
+        u = np.clip(best[0], -limit, limit)
+        assert holds(u, given, limit)
+        u[(limit - np.abs(u)).argmax()] += 1e-6
+        assert not holds(u, given, limit)
 
 
 TIMELINE = [
@@ -147,7 +152,10 @@ def test_defaults_are_those_of_the_controllers_and_no_other_setting_changes_a_cl
     ours = {
         "clik": (clik_sdp.ClikProblems.defaults, weight | gain),
         "clik_sdp": (clik_sdp.ClikSdpProblems.defaults, weight),
-        "ghc_velocity": (ghc_velocity.DEFAULTS, {"gain_per_s": ghc_velocity.GAIN_PER_S}),
+        "ghc_velocity": (
+            ghc_velocity.GhcVelocityProblems.defaults,
+            {"gain_per_s": ghc_velocity.GAIN_PER_S},
+        ),
     }
     for name, (own, of_tasks) in ours.items():
         fields = find(name).Parameters.model_fields

@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
 from hoap3.remote_controller.controllers.singularity import LEAVING
+from hoap3.remote_controller.problems.velocity import limits_of, velocity_bounds
+from hoap3.remote_controller.problems.velocity_answer import DELAYED
+from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.velocity.joint_bounds import bounds_of
-from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity
+from hoap3.tools.verify.sent_velocity import check_values, judged, sent_velocity
+
+Array = NDArray[np.float64]
 
 REACH, OF_RANGE = 0.05, 0.1  # greatest displacement of a joint [rad or m], and of its range
 SETTLED = 1e-4  # what joints may still move while the direction is determined [rad or m]
@@ -40,13 +45,34 @@ def check_leaving(
         return rest
     check_values(run, parameters, claims)
     u, doubt = sent_velocity(run, parameters)
-    lower, upper = bounds_of(run, {})
+    limits, reference = limits_of(robot, {}), run.answered_states["reference"]
+    lower, upper = velocity_bounds(reference, reference_rates(run), limits, robot.period_s)
     for side, bound in ((u, upper), (-u, -lower)):
         claims.at_most("leaving: limits", tick, side, bound, RELATIVE * np.abs(bound) + doubt)
-    reference = run.answered_states["reference"]
     first = np.flatnonzero(np.diff(run.answered, prepend=-2) != 1)  # of each motion
     start = reference[first[np.searchsorted(first, np.arange(len(u)), "right") - 1]]
     reach = np.minimum(REACH, OF_RANGE * (robot.upper - robot.lower))
     moved = np.abs(reference - start)
     claims.at_most("leaving: displacement", tick, moved, reach, SETTLED)
     return rest
+
+
+def reference_rates(run: ControllerRun) -> Array:
+    """How the reference of each answer's State moved since the State before, (N, n) [rad/s].
+
+    At the first State after a reset it is what the robot measured.
+    """
+    states, T = run.states, run.description.period_s
+    finite = RowsAt.of(states).finite("q", "reference")
+    places = np.arange(len(states))
+    last = np.maximum.accumulate(np.where(finite, places, -1))
+    before = np.append(-1, last[:-1])[run.answered]
+    resets = np.array([-1, *run.resets])
+    begun = resets[np.searchsorted(resets, run.answered, "right") - 1]
+    periods = (states["tick"] - states["skipped"]).astype(np.int64)
+    apart = periods[run.answered] - periods[before]
+    known = (before >= np.maximum(begun, 0)) & (apart > 0)
+    moved = states["reference"][run.answered] - states["reference"][before]
+    rates = moved / (np.where(known, apart, 1) * T)[:, None]
+    measured = np.nan_to_num(states["dq"][run.answered], posinf=0.0, neginf=0.0)
+    return np.asarray(np.where(known[:, None], rates, measured))

@@ -1,1 +1,0 @@
-"""Controllers of joint velocities with several tasks: `clik`, `clik_sdp`, `ghc_velocity`."""
