@@ -92,7 +92,7 @@ class Optimum(NamedTuple):
         exact: how exactly the residual of the certificate is known.
     """
 
-    problem: Problem
+    problem: Program
     answer: Array
     answer_error: Array
     exact: float

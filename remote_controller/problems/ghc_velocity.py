@@ -166,10 +166,13 @@ class GhcVelocityProblems(VelocityProblems):
         rows = Wanted(cycle.J, wanted, error, edges)
         given = condensed(rows, self.ranks.alpha, weight, width)
         if solved:
-            best = _optimum(given, cycle)
-            claims.append(claim("residual", residual, 0.0, max(best.exact, OPTIMAL)))
-            answer = best.answer, best.answer_error
-            return Statement("optimum", (lambda: best.problem,), *answer, tuple(claims))
+            program, _, error, exact = _optimum(given, cycle)
+            spanned = program.E @ np.asarray(program.z) + program.e
+            claims += [
+                claim("residual", residual, 0.0, max(exact, OPTIMAL)),
+                claim_each("u", cycle.u, spanned, error + _missed(cycle)),
+            ]
+            return Statement("optimum", (lambda: program,), spanned, error, tuple(claims))
         claims.append(claim("residual", residual, 0.0))
         if setpoint["fallback"] == NO_ANSWER:
             claims.append(_infeasibility_claim(given, cycle))
@@ -211,6 +214,16 @@ class GhcVelocityProblems(VelocityProblems):
                 claim("certified: V rate", rate, 0.0, exact, "at_most"),
             ]
         return claims
+
+
+def _missed(cycle: Cycle) -> Array:
+    """By how much a joint at a bound may be outside what the tasks span, (n,) [rad/s or m/s].
+
+    A bound of a joint that no task moves counts as kept where it is missed by no more than
+    rounding; then u is cut to it.
+    """
+    at_bound = np.minimum(cycle.u - cycle.lower, cycle.upper - cycle.u) <= cycle.u_error + AT_BOUND
+    return np.where(at_bound, RELATIVE * (1.0 + np.abs(cycle.u)), 0.0)
 
 
 def _optimum(given: Condensed, cycle: Cycle) -> Optimum:

@@ -131,7 +131,7 @@ def find_changes(run: Path, name: str, kind: str, count: int, folder: Path) -> N
 @pytest.mark.parametrize("name", ["clik_sdp", "ghc_velocity"])
 def test_a_true_log_is_true(name, logs):
     found = assert_no_false_alarm(logs(name))
-    assert found.claims.counts["u"].checked >= TICKS
+    assert found.claims.counts["V"].checked >= TICKS
 
 
 @pytest.mark.slow
@@ -243,32 +243,6 @@ def judged(config: str, robot: str, ticks: int, **given: object) -> Claims:
     known = "ghc_velocity", "clik_sdp", "clik"
     name = next(name for name in known if config.startswith(name))
     return check_answers(records, name, parameters)
-
-
-PRIORITIES = {
-    "order": ["com", "foot", "posture"],
-    "timeline": [
-        {"at_s": 0.02, "over_s": 0.01, "set": [["foot", "posture", 1.0]]},
-        {"at_s": 0.05, "remove": "foot"},
-        {"at_s": 0.07, "insert": "foot", "over_s": 0.02},
-    ],
-}
-LIVE = {
-    15: {"set": [["com", "posture", 0.5]], "over_s": 0.004},
-    41: {"order": ["posture", "com"]},
-    110: {"remove": ["posture"], "over_s": 0.01},
-    131: {"set": [["com", "foot", 0.25]]},
-}
-
-
-def test_priorities_that_change_while_it_runs_are_followed():
-    given = {"changes": LIVE, "pauses": (60, 61, 62), "priorities": PRIORITIES, "noise": 1e-6}
-
-    found = judged("ghc_velocity", "hoap3", 150, **given)
-
-    assert found.by_tick() == []
-    assert found.unverifiable == 0
-    assert found.counts["alpha"].checked == 147 * 9
 
 
 @pytest.mark.slow
