@@ -67,6 +67,7 @@ GIVEN: dict[str, dict[str, Any]] = {
         "bounds": {"acceleration_rad_s2": 1.0, "speed_rad_s": 0.1},
         "changes": {120: {"remove": ALL}, 185: {"insert": ALL, "over_s": 0.02}},
         "noise": 1e-5,
+        "lost": 0.0,  # after a lost answer joints stand still
     },
 }
 """What runs have beside `DISTURBED`: priorities that change, and no task to stop a motion with."""
