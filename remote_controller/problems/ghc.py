@@ -304,8 +304,8 @@ def program_of(
     exact += x.relative_error + y.relative_error
     error = np.full(n, span * (OPTIMAL + exact))
     program = Program(R, r, np.zeros(N), np.zeros(N), rows, U, q0 + shift, error, z)
-    given = x.error + ROUNDING * float(np.linalg.norm(x.found - q0))  # of z, and E z of it
-    return Optimum(program, x.found + shift, given, exact)
+    x_error = x.error + ROUNDING * float(np.linalg.norm(x.found - q0))  # of z, and E z of it
+    return Optimum(program, x.found + shift, x_error, exact)
 
 
 def _wish(

@@ -189,13 +189,11 @@ class GhcVelocityProblems(VelocityProblems):
         V, end = 0.5 * float(e @ e), 0.5 * float(ahead @ ahead)
         slope, stated = on * cycle.e, float(setpoint["v"])
         size = np.abs(cycle.rate) + np.abs(cycle.J) @ np.abs(cycle.u)
-        rate, led = (
-            slope @ (cycle.rate + cycle.J @ cycle.u),
-            np.abs(slope @ cycle.J) @ cycle.u_error,
-        )
+        rate = float(slope @ (cycle.rate + cycle.J @ cycle.u))
+        led = float(np.abs(slope @ cycle.J) @ cycle.u_error)
         exact = float(led + (RELATIVE * e + on * place) @ size)
         claims = [
-            claim("V", stated, V, RELATIVE * V + (e + on * place) @ place),
+            claim("V", stated, V, RELATIVE * V + float((e + on * place) @ place)),
             claim("required V rate", setpoint["v_rate_required"], 0.0),
             claim("predicted V rate", setpoint["v_rate_predicted"], rate, exact),
         ]
@@ -204,7 +202,7 @@ class GhcVelocityProblems(VelocityProblems):
         if status == AT_TARGET and abs(2.0 * stated - ARRIVED**2) > RELATIVE * ARRIVED**2:
             claims.append(claim("at_target", 1.0, solved and 2.0 * stated <= ARRIVED**2))
         if status == CERTIFIED:
-            rounded = (e + ahead + 2.0 * on * place) @ place + 8.0 * EPS * (V + end)
+            rounded = float((e + ahead + 2.0 * on * place) @ place) + 8.0 * EPS * (V + end)
             apart = abs((end - V) / T - rate) - FIRST_ORDER * abs(rate)
             near = rounded / T + led + exact
             claims += [
