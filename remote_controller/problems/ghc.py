@@ -268,7 +268,7 @@ def condensed(wanted: Wanted, alpha: Array, w: float, width: float) -> Condensed
 
 
 def program_of(
-    given: Condensed,
+    tasks: Condensed,
     weight: float,
     M: Array,
     h: Array,
@@ -280,13 +280,13 @@ def program_of(
     """State min ½ (x − q₀)ᵀ S⁺ (x − q₀) + ½ ω |y − o|² with y = M x + h; the answer is x + shift.
 
     Args:
-        given: S and q₀.
+        tasks: S and q₀.
         weight: ω.
         M, h, offset: (n, n) and (n,).
         x, y: of an answer, with their limits.
         shift: (n,).
     """
-    S, q0, q0_error = given
+    S, q0, q0_error = tasks
     values, vectors = np.linalg.eigh(S)
     kept = values > SINGULAR * values[-1]
     length = np.sqrt(values[kept])
@@ -304,8 +304,8 @@ def program_of(
     exact += x.relative_error + y.relative_error
     error = np.full(n, span * (OPTIMAL + exact))
     program = Program(R, r, np.zeros(N), np.zeros(N), rows, U, q0 + shift, error, z)
-    x_error = x.error + ROUNDING * float(np.linalg.norm(x.found - q0))  # of z, and E z of it
-    return Optimum(program, x.found + shift, x_error, exact)
+    given = x.error + ROUNDING * float(np.linalg.norm(x.found - q0))  # of z, and E z of it
+    return Optimum(program, x.found + shift, given, exact)
 
 
 def _wish(

@@ -191,7 +191,7 @@ class GhcVelocityProblems(VelocityProblems):
         size = np.abs(cycle.rate) + np.abs(cycle.J) @ np.abs(cycle.u)
         rate = float(slope @ (cycle.rate + cycle.J @ cycle.u))
         led = float(np.abs(slope @ cycle.J) @ cycle.u_error)
-        exact = float(led + (RELATIVE * e + on * place) @ size)
+        exact = led + float((RELATIVE * e + on * place) @ size)
         claims = [
             claim("V", stated, V, RELATIVE * V + float((e + on * place) @ place)),
             claim("required V rate", setpoint["v_rate_required"], 0.0),
