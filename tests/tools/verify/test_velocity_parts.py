@@ -22,7 +22,7 @@ from hoap3.remote_controller.problems.ghc import (
     program_of,
 )
 from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import stopping_speed
-from hoap3.remote_controller.problems.oracles.parameters import NOT_READ
+from hoap3.remote_controller.problems.oracles.parameters import NOT_READ, UnverifiableError
 from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
 from hoap3.remote_controller.problems.velocity import velocity_bounds
 from hoap3.remote_controller.registry import find
@@ -144,6 +144,11 @@ def test_priorities_move_as_those_of_the_product(start: dict, live: dict) -> Non
 def test_priorities_that_cannot_be_read_say_so(wrong: dict) -> None:
     with pytest.raises(NOT_READ):
         Priorities(["a", "b"], wrong)
+
+
+def test_a_change_of_tasks_that_are_none_says_so() -> None:
+    with pytest.raises(UnverifiableError):
+        Priorities(["a", "b"], {}).change({"order": ["a", "nobody"]}, 0.0)
 
 
 def test_defaults_are_those_of_the_controllers_and_no_other_setting_changes_a_claim() -> None:
