@@ -48,7 +48,7 @@ ToleranceDeg = Annotated[
     float,
     Field(
         gt=0,
-        description="the same for its orientation [degrees]",
+        description="error of the orientation at the end that counts as reached [degrees]",
         json_schema_extra=CHANGEABLE,
     ),
 ]

@@ -19,7 +19,7 @@ RATE, WINDOW, NOTHING_ASKED = "success_rate", "worst_window", "nothing_asked"
 _HELP = "`hoap3 doctor` names what this machine lacks"
 _REMEDIES = {
     "host": "use CPUs that no other machine shares (`hoap3 help operation`)",
-    "rights": f"grant real-time rights; {_HELP}",
+    "rights": f"the first lines of the run say what was refused; {_HELP}",
     "wakeup": _HELP,
     "network": "look for load on the link, and compare links with `hoap3 latency`",
     "solve": "take fewer tasks or constraints, another controller, or a longer period",
@@ -55,7 +55,7 @@ def judge_deadlines(
     most = misses_to_stop or MISSES_TO_STOP
     found: list[tuple[str, str, str]] = []  # verdict, reason, text
     if stops:
-        found.append((FAIL, SAFE_STOP, f"{stops} safe stops"))
+        found.append((FAIL, SAFE_STOP, f"{stops} safe stop{'s' if stops > 1 else ''}"))
     if not ticks or rate is None:
         found.append((FAIL if stops else NOT_JUDGED, NOTHING_ASKED, "no answer was requested"))
         return _result(found, None, None)

@@ -182,8 +182,13 @@ def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
         table.add_row("in time", late)
 
 
-def show_next(summary: dict[str, Any]) -> None:
-    """Print what can be done after a run: after a safe stop, and with its log."""
+def show_next(summary: dict[str, Any], *, own_code: bool) -> None:
+    """Print what can be done after a run: after a safe stop, and with its log.
+
+    Args:
+        summary: of the run.
+        own_code: the controller is the user's code, which is imported on request only.
+    """
     log, lead = summary["log"], "next:"
     if summary.get("safe_stops"):
         print_note("next:  hoap3 run --lockstep    in virtual time, where each answer is in time")
@@ -194,7 +199,8 @@ def show_next(summary: dict[str, Any]) -> None:
         return
     folder = shlex.quote(log)
     print_note(f"{lead}  hoap3 report {folder}     a page with figures and plots")
-    print_note(f"       hoap3 replay {folder}     repeat it, and compare every setpoint")
+    code = " --allow-code" if own_code else ""
+    print_note(f"       hoap3 replay {folder}{code}     repeat it, and compare every setpoint")
     print_note(f"       hoap3 export {folder} --to run.csv")
 
 

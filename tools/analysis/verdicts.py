@@ -291,13 +291,14 @@ def _startup_words(limits: Mapping[str, Any], missed: int) -> list[str]:
         words.append(f"{at_start} of them in {window}: a start-up step, which does not fail")
     if missed:
         words.append(
-            f"{missed} answers were missed: the robot then holds its last setpoint, which clips "
+            f"missed answers: {missed}; after each the robot holds its last setpoint, which clips "
             "joints that move"
         )
     if found:
         limit, value, unit = found["limit"], found["value"], found["unit"]
-        remedy = LIMIT_REMEDIES.get(limit, "Ask for less")
-        remedy = f"Without misses: {remedy[0].lower()}{remedy[1:]}" if missed else remedy
+        remedy = "First see why answers were missed"
+        if not missed:
+            remedy = LIMIT_REMEDIES.get(limit, "Ask for less")
         words.append(f"first clipped by the {limit} limit of {value:.4g} {unit}. {remedy}")
     return words
 

@@ -148,7 +148,7 @@ def run(
         print_json(summary)
     else:
         show_summary(summary)
-        show_next(summary)
+        show_next(summary, own_code=":" in law.controller)
     bad = failed(summary["verdicts"]) or summary["log_lost"] or summary["metrics_lost"]
     raise typer.Exit(1 if bad else 0)
 

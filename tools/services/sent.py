@@ -82,8 +82,10 @@ def check_limits(points: np.ndarray[Any, Any], target: Mapping[str, Any]) -> Non
         least, most = -math.inf if lower is None else lower, math.inf if upper is None else upper
         for value in values:
             if not least <= value <= most:
+                unit = f" {target['unit']}" if target.get("unit") else ""
                 raise BadProblemError(
-                    f"target {target['name']!r}: {name} is {value:g}: send {least:g} to {most:g}"
+                    f"target {target['name']!r}: {name} is {value:g}{unit}: "
+                    f"send {least:g} to {most:g}{unit}"
                 )
 
 

@@ -13,7 +13,7 @@ def shown(found: Verification) -> Iterator[str]:
     """A verdict, a table of claims, the first false ones, and what could not be verified."""
     claims = found.claims
     rest = f"; {claims.unverifiable} could not be recomputed" if claims.unverifiable else ""
-    yield f"{found.verdict}: {claims.checked} numbers recomputed, {claims.false} are not true{rest}"
+    yield f"{found.verdict}: {claims.checked} numbers recomputed, {claims.false} false{rest}"
     yield f"{'claim':<28}{'checked':>10}{'false':>8}{'first tick':>12}{'worst / tolerance':>20}"
     for name, count in sorted(claims.counts.items()):
         if count.checked:

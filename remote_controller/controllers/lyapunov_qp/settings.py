@@ -75,7 +75,7 @@ class RateSettings(Settings):
     u_max_rad_s: float = Field(
         0.6,
         gt=0,
-        description="joint speed that the first three scale by",
+        description="u_max of the forms that have it [rad/s or m/s]",
         json_schema_extra=CHANGEABLE,
     )
     beta: float = Field(
@@ -85,7 +85,7 @@ class RateSettings(Settings):
         json_schema_extra=CHANGEABLE,
     )
     eta_per_s: float = Field(
-        1.0, gt=0, description="η of the last two [1/s]", json_schema_extra=CHANGEABLE
+        1.0, gt=0, description="η of tanh and exponential [1/s]", json_schema_extra=CHANGEABLE
     )
     kappa: float = Field(
         10.0, gt=0, description="κ of tanh, in 1/|∇V|", json_schema_extra=CHANGEABLE

@@ -1,8 +1,8 @@
 """What a robot does whose file names no task: its tip moves a little, to where it can be.
 
-The tip is the tool: a link called `tcp`, `tool0`, `flange` or `ee`, or else the one with the most
-joints above it; joints of a gripper do not count: sliders, mimic joints and their mimicked joints
-at the end of a chain. A target is where the tip comes to when
+The tip is the tool: a link called `tcp`, `tool0`, `tool`, `flange` or `ee`, or else the one with
+the most joints above it; joints of a gripper do not count: sliders, mimic joints and their mimicked
+joints at the end of a chain. A target is where the tip comes to when
 joints above it turn a little, each away from its nearer limit: so there is a posture in which it is
 there, all limits kept, even where the arm is stretched out, or has one joint only. All joints turn
 together first; then one alone, from the base on. The first target is taken that a walker arrives
@@ -25,7 +25,7 @@ from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.protocol.robot.urdf import UrdfStructure
 from hoap3.robot_emulator.robots.urdf_import.figures import triple
 
-TOOLS = ("tcp", "tool0", "flange", "ee")  # words in the names of tools, the likeliest first
+TOOLS = ("tcp", "tool0", "tool", "flange", "ee")  # words in the names of tools, the likeliest first
 SHARE_OF_ARM = 3  # joints of a chain for each of its arm, at most
 GRIP_M = 0.12  # most travel of a finger that slides
 SHARE_OF_REACH = 0.05  # of the chain's reach: far enough to be seen, near enough to be quick

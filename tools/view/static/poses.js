@@ -62,6 +62,7 @@ class Pose {
       const copy = make("button", { type: "button", textContent: "Copy current", disabled: true });
       copy.addEventListener("click", () => this.copy());
       go.addEventListener("click", () => this.#send(send));
+      for (const field of this.fields) field.addEventListener("keydown", (event) => event.key === "Enter" && go.click());
       this.buttons = [go, copy];
     }
     const caption = make("caption", {}, name, make("small", { textContent: ` in ${reference}` }));
