@@ -113,7 +113,9 @@ def _largest(name: str, off: Array, allowed: Array) -> Finding:
     """The finding of the entry that is worst, relative to what is allowed."""
     if not off.size:
         return Finding(name, 0.0, 0.0, 0.0, 0.0)
-    at = (off / np.maximum(allowed, TINY)).argmax()  # the first NaN where there are any
+    with np.errstate(invalid="ignore"):  # a row without a limit
+        share = np.where(off <= 0.0, 0.0, off / np.maximum(allowed, TINY))
+    at = share.argmax()  # the first NaN where there are any
     worst = float(off[at])
     return Finding(name, worst, 0.0, max(worst, 0.0), float(allowed[at]))
 

@@ -125,6 +125,8 @@ class History:
         self.answer, self._skips_answers = None, False
         self.state, self.finite = state, is_finite(state, *self.needed)
         self.fresh = self.was_reset = self._gap = False
+        if self._reset_at is None:  # reset before its first State
+            self._reset_at = state
         if self.first is None and self.finite:
             self.first, self.fresh = state, True
 

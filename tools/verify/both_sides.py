@@ -22,10 +22,12 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
     together = False
     for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
         ticks, same = _shared_ticks(robot, controller, kind)
+        unread = robot.unreadable[kind] + controller.unreadable[kind]
+        claims.unverified(f"{name} in both logs", unread, "cannot be read")
         together |= bool(len(ticks))
         if not len(ticks):
             theirs = controller.table(kind)[1]
-            count = len(np.unique(theirs[["session_id", "tick"]]))
+            count = len(np.unique([theirs["session_id"], theirs["tick"]], axis=1).T)
             claims.unverified(f"{name} in both logs", count, UNSHARED)
         claims.equal(f"{name} in both logs", ticks, same, np.ones(len(same)), 0.0)
     if not together:
@@ -39,33 +41,32 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
 
 
 def _shared_ticks(robot: Log, controller: Log, kind: Kind) -> tuple[Ticks, NDArray[np.bool_]]:
-    """Ticks that both logs have messages of, (M,), and whether the robot's has the controller's.
-
-    Either log may have several messages of one tick: each of the controller's is compared with one
-    of the robot's after the other.
-    """
+    """Ticks that both logs have messages of, (M,), and whether the robot's has the controller's."""
     ours, theirs = robot.table(kind)[1], controller.table(kind)[1]
-    found, same = [np.zeros(0, np.int64)], [np.zeros(0, bool)]
+    found, same = [np.zeros(0, np.uint64)], [np.zeros(0, bool)]
     for session in np.intersect1d(ours["session_id"], theirs["session_id"]):
         at, there = (np.flatnonzero(rows["session_id"] == session) for rows in (ours, theirs))
         at = at[np.argsort(ours["tick"][at], kind="stable")]
-        ticks = ours["tick"][at].astype(np.int64)
-        wanted = theirs["tick"][there].astype(np.int64)
-        place, end = (np.searchsorted(ticks, wanted, side) for side in ("left", "right"))
-        shared = np.unique(wanted[place < end])
+        ticks, wanted = ours["tick"][at], theirs["tick"][there]
+        first, end = (np.searchsorted(ticks, wanted, side) for side in ("left", "right"))
+        both = first < end
+        there, wanted, first, end = (each[both] for each in (there, wanted, first, end))
+        shared = np.unique(wanted)
         alike = np.ones(len(shared), bool)
-        there, wanted, place, end = (each[place < end] for each in (there, wanted, place, end))
-        while len(there):
-            pairs = zip(
-                controller.messages(kind, there), robot.messages(kind, at[place]), strict=True
-            )
-            left = np.array([own != other for own, other in pairs])
-            there, wanted, place, end = (each[left] for each in (there, wanted, place + 1, end))
-            alike[np.searchsorted(shared, wanted[place == end])] = False
-            there, wanted, place, end = (each[place < end] for each in (there, wanted, place, end))
+        pairs = zip(controller.messages(kind, there), robot.messages(kind, at[first]), strict=True)
+        off = np.array([own != other for own, other in pairs], bool)
+        # several messages of one tick: it may equal another one than the first
+        several: dict[int, set[bytes]] = {}
+        rest = zip(wanted[off].tolist(), first[off].tolist(), end[off].tolist(), strict=True)
+        for message, (tick, begin, stop) in zip(
+            controller.messages(kind, there[off]), rest, strict=True
+        ):
+            if tick not in several:
+                several[tick] = set(robot.messages(kind, at[begin:stop]))
+            alike[np.searchsorted(shared, tick)] &= message in several[tick]
         found.append(shared)
         same.append(alike)
-    return np.concatenate(found), np.concatenate(same)
+    return np.concatenate(found).astype(np.int64), np.concatenate(same)
 
 
 def enclosed_alike(logs: Iterable[Log]) -> dict[str, bool | None]:

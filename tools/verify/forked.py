@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 Say = Callable[[str], None]
 
 _PR_SET_PDEATHSIG = 1
-PROGRESS_S = 1.0  # between two reports: they must not fill the pipe, which is read at the end
+PROGRESS_S = 1.0  # between two reports
 
 
 class Forked(Generic[Result]):
@@ -69,6 +69,8 @@ class Forked(Generic[Result]):
                     say(content)
                 else:
                     found[place] = content
+        if len(found) < self._count:
+            raise LogError("a process that verifies the log ended without a result")
         return [found[place] for place in range(self._count)]
 
     def end(self) -> None:

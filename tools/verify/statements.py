@@ -21,6 +21,7 @@ from hoap3.remote_controller.problems.check import check
 from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.registry import BUILTIN, find
+from hoap3.tools.verify.checkers import FUNCTIONS
 from hoap3.tools.verify.claims import Claims
 
 BUILDERS = {
@@ -39,6 +40,7 @@ have a checker of their own."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"
+LEFT = "a singularity is being left"
 NOTHING = "its problem_type states nothing of the answer"
 PART = 5000  # answers whose findings are counted together
 
@@ -58,7 +60,7 @@ def builder_of(
     """
     if controller not in BUILTIN:
         return _problem_type(controller, allow_code=allow_code)
-    if controller not in BUILDERS or parameters.get("base") == "free":
+    if controller not in BUILDERS or (controller in FUNCTIONS and parameters.get("base") == "free"):
         return None
     module, name = BUILDERS[controller].split(":")
     module = f"hoap3.remote_controller.problems.{module}"
@@ -100,14 +102,15 @@ def check_statements(
     """
     chance = random.Random(seed)
     gathered: dict[str, array[float]] = {}
-    missing = 0
+    missing = leaving = 0
     try:
         for kind, _, payload in records:
             builder.feed(kind, payload)
             if kind != Kind.SETPOINT:
                 continue
             if any(each.startswith(LEAVING) for each in builder.history.conditions):
-                continue  # these answers claim nothing; see `leaving`
+                leaving += 1
+                continue
             claims.answers += 1
             if claims.answers % PART == 0:
                 say(f"problems of {claims.answers} answers")
@@ -129,6 +132,7 @@ def check_statements(
     finally:
         _count(gathered, claims)
         claims.unverified("certificate", missing, MISSING)
+        claims.unverified("certificate", leaving, LEFT)
 
 
 def check_engagements(
@@ -139,6 +143,7 @@ def check_engagements(
     *,
     answers: int = 0,
     most: int | None = None,
+    seed: int = 0,
     say: Callable[[str], None] = lambda _: None,
     allow_code: bool = False,
 ) -> None:
@@ -154,6 +159,7 @@ def check_engagements(
         answers: how many the log has.
         most: about how many of them are checked, a random sample; None: all of a controller whose
             builder is fast enough, else `SAMPLE`.
+        seed: of the sample.
         say: takes progress, for people.
         allow_code: as for `builder_of`.
 
@@ -165,7 +171,8 @@ def check_engagements(
         return
     if most is None and not kind.checks_every_answer:
         most = SAMPLE
-    expected = (UnverifiableError, UsageError) if controller in BUILTIN else (Exception,)
+    own = (Exception, SystemExit)  # a user's builder must not end the verification
+    expected = (UnverifiableError, UsageError) if controller in BUILTIN else own
     share = 1.0 if most is None else min(1.0, most / max(answers, 1))
     description: RobotDescription | None = None
     reader, lost = iter(records), 0
@@ -182,7 +189,7 @@ def check_engagements(
             session = json.loads(record.payload)
             builder = kind(description, parameters, session, controller)
             failed_at = 1  # from here on, an error is raised at an answer that was read
-            check_statements(engagement, builder, claims, share=share, say=say)
+            check_statements(engagement, builder, claims, share=share, seed=seed, say=say)
         except expected as error:
             rest = sum(each.kind == Kind.SETPOINT for each in engagement)
             known = isinstance(error, UnverifiableError | UsageError)

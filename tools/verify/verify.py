@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -10,7 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.errors import DescriptionError, LogError
+from hoap3.protocol.config.user_code import code_of_log
+from hoap3.protocol.errors import ConfigError, DescriptionError, LogError
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import with_motions
@@ -119,9 +121,9 @@ def verify(
         allow_code: import what the log names by a dotted path: to replay it, and for the
             `problem_type` of a controller.
         opened: the logs by side, where they are open already.
-        most_answers: certificates of about so many answers are checked, a random sample with the
-            seed 0, where the controller's builder states its problems one by one; None: all where
-            that is fast, else `statements.SAMPLE`.
+        most_answers: certificates of about so many answers are checked, a random sample, where the
+            controller's builder states its problems one by one; None: all where that is fast, else
+            `statements.SAMPLE`.
         every: check the certificates of all answers.
 
     Raises:
@@ -140,7 +142,7 @@ def verify(
             parts.append((side, partial(_repeat, log, allow_code=allow_code)))
     parts.append(("", partial(_check_together, logs)))
     states = sum(log.count(Kind.STATE) for log in found)
-    works = [partial(_judged, path, work) for _, work in parts]
+    works = [partial(_judged, path, work, allow_code) for _, work in parts]
     if processors() < 2 or states < PARALLEL_FROM:
         return _merged(path, logs, parts, (work(say) for work in works))
     forked = Forked(works[::-1], processors())  # the replay, which takes longest, begins early
@@ -174,11 +176,14 @@ def _merged(
     return whole
 
 
-def _judged(path: Path, work: Work, say: Callable[[str], None]) -> Part:
-    """Do one part, and keep what it raises about the log."""
+def _judged(path: Path, work: Work, allow_code: bool, say: Callable[[str], None]) -> Part:
+    """Do one part, and keep what it raises about the log; its code is imported if allowed."""
     part = Part()
     try:
-        work(part, say)
+        with code_of_log(allowed=allow_code):
+            work(part, say)
+    except ConfigError as error:
+        part.claims.unverified("certificate", 1, f"{error!s:.240}")
     except DescriptionError as error:
         part.undescribed = str(error)
     except NEVER_OURS as error:
@@ -276,9 +281,19 @@ def _check_problems(
     """Check answers by the problems that the controller's builder states."""
     (name, parameters), answers = _controller(_config(log)), log.count(Kind.SETPOINT)
     options: dict[str, Any] = {"answers": answers, "most": most, "allow_code": allow_code}
+    options["seed"] = _digest(log)  # so that nobody can choose answers that are not in the sample
     say(f"problems of {answers} answers")
     with suppress(UnverifiableError):  # `_check_controller` has the reason
         check_engagements(log.records(), name, parameters, part.claims, say=say, **options)
+
+
+def _digest(log: Log) -> int:
+    """Of the files of a log."""
+    found = hashlib.blake2b(digest_size=8)
+    for path in log.paths:
+        with path.open("rb") as file:
+            found.update(hashlib.file_digest(file, "blake2b").digest())
+    return int.from_bytes(found.digest(), "little")
 
 
 def _controller(config: Mapping[str, Any] | None) -> tuple[str, dict[str, Any]]:

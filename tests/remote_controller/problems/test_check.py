@@ -225,3 +225,12 @@ def test_the_first_problem_that_the_answer_solves_counts():
 
     assert all(f.holds for f in check(Statement("", (lambda: wrong, lambda: right), one, exact)))
     assert not all(f.holds for f in check(Statement("", (lambda: wrong,), one, exact)))
+
+
+def test_a_row_without_a_limit_hides_no_broken_one():
+    none = np.array([np.inf, 1e-9])  # as of an error that is relative to the limit
+    rows = Rows.of(np.ones((2, 1)), np.array([-np.inf, -1.0]), np.array([np.inf, 1.0]), error=none)
+    problem = Program.of(np.eye(1), np.array([5.0]), rows, 1e-9)
+
+    found = check_problem(problem, np.array([5.0]), np.zeros(1))
+    assert [each.name for each in found if not each.holds] == ["rows"]

@@ -40,6 +40,15 @@ class RaisingController(OwnController):
     problem_type = RaisingProblems
 
 
+class ExitingProblems(PostureProblems):
+    def state_problem(self, setpoint):
+        raise SystemExit(0)
+
+
+class ExitingController(OwnController):
+    problem_type = ExitingProblems
+
+
 class EmptyProblems(PostureProblems):
     def state_problem(self, setpoint):
         return Statement("answered", (), setpoint["values"], 0.0 * setpoint["values"])
@@ -117,6 +126,7 @@ def test_without_permission_the_reason_names_the_option(story):
     [
         ("own:NoneController", ("names no problem_type",)),
         ("own:RaisingController", ("RuntimeError: not today", "own.py, line ")),
+        ("own:ExitingController", ("SystemExit", "own.py, line ")),
         ("own:EmptyController", (NOTHING,)),
         ("own:Absent", ("cannot be imported",)),
         ("not_installed", ("no controller is called",)),

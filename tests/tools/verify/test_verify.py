@@ -161,6 +161,11 @@ def test_a_process_that_ends_without_a_result_is_an_error() -> None:
     assert heard == ["begun"]
 
 
+def test_a_process_that_ends_as_if_all_were_well_is_an_error_too() -> None:
+    with pytest.raises(LogError, match="without a result"):
+        Forked([lambda _: os._exit(0)], 1).gather(print)
+
+
 def test_one_process_does_everything_in_turn() -> None:
     works = [lambda _, number=number: (number, os.getpid()) for number in range(3)]
 

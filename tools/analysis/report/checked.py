@@ -16,7 +16,7 @@ from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.verify import Verification, verify
 
 MOST_ANSWERS = 10_000
-"""Certificates that a report recomputes at most, where each takes a millisecond or more."""
+"""Certificates that a report recomputes at most."""
 
 
 @dataclass(frozen=True)
