@@ -134,20 +134,23 @@ def verify(
     logs = {log.side: log for log in found}
     most = sys.maxsize if every else most_answers
     parts: list[tuple[str, Work]] = []
+    longest = 0  # the replay takes longest, and begins first
     for side, log in logs.items():
         parts.append((side, partial(_check_side, log, allow_code)))
         if side == "controller":
             parts.append((side, partial(_check_problems, log, most, allow_code)))
         if repeat and side == "controller":
+            longest = len(parts)
             parts.append((side, partial(_repeat, log, allow_code=allow_code)))
     parts.append(("", partial(_check_together, logs)))
     states = sum(log.count(Kind.STATE) for log in found)
     works = [partial(_judged, path, work, allow_code) for _, work in parts]
     if processors() < 2 or states < PARALLEL_FROM:
         return _merged(path, logs, parts, (work(say) for work in works))
-    forked = Forked(works[::-1], processors())  # the replay, which takes longest, begins early
+    forked = Forked([works.pop(longest), *works], processors())
     try:
-        return _merged(path, logs, parts, forked.gather(say)[::-1])
+        first, *results = forked.gather(say)
+        return _merged(path, logs, parts, [*results[:longest], first, *results[longest:]])
     finally:
         forked.end()
 
