@@ -152,7 +152,7 @@ def test_missed_answers_are_named_where_joints_were_clipped(more):
     clipped, free = (
         judge(IN_TIME, {**counts(held_back, 0), **more}, told()) for held_back in (7, 0)
     )
-    assert "5 answers" in in_words(clipped)["limits_and_balance"]
+    assert "missed answers: 5" in in_words(clipped)["limits_and_balance"]
     assert "answers" not in in_words(free)["limits_and_balance"]
 
 

@@ -245,7 +245,7 @@ def test_an_entered_pose_outside_the_limits_is_refused_with_the_limits(play):
         (target,) = stage.source.frames.targets
         target.told.update(lower=[-1.0] * 3, upper=[1.0, 0.05, 1.0], layout=["x", "y", "z"])
         await stage.operator.act("page", {"verb": "acquire"})
-        with pytest.raises(BadProblemError, match=r"y is 0\.1: send -1 to 0\.05"):
+        with pytest.raises(BadProblemError, match=r"y is 0\.1 m: send -1 to 0\.05 m"):
             stage.operator.move("page", place(AIM))
 
     assert play(story).robot.sent == []
