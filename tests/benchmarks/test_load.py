@@ -175,7 +175,8 @@ def test_what_cannot_be_kept_apart_is_refused(looks_on, monkeypatch, cpu, allowe
 
 def test_what_dies_beside_the_robot_is_no_race(tmp_path, monkeypatch):
     monkeypatch.setattr("benchmarks.load.runs.run_realtime", lambda *_, **__: RUN)
-    (tmp_path / "dies.py").write_text("print('ready', flush=True)\nraise SystemExit(3)\n")
+    lines = "sys.stdin.buffer.read()", "print('ready', flush=True)", "raise SystemExit(3)"
+    (tmp_path / "dies.py").write_text("\n".join(["import sys", *lines]))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     with pytest.raises(Hoap3Error, match="code 3"):
         race("dies", {}, 2, 0.5, lambda *_: None, realtime=False)
