@@ -48,7 +48,7 @@ AT_BOUND = 1e-12  # rad/s: a joint within this of its bound is at it
 SPANNED = 1e-10  # of the largest eigenvalue of S: less is rounding
 
 
-class Ranks:
+class CurrentPriorities:
     """Priorities at each State.
 
     Args:
@@ -86,7 +86,7 @@ class GhcVelocityProblems(VelocityProblems):
 
     Attributes:
         gains: of the tasks [1/s], (m,).
-        ranks: of the tasks at the newest State.
+        priorities: of the tasks at the newest State.
     """
 
     controller = "ghc_velocity"
@@ -105,16 +105,17 @@ class GhcVelocityProblems(VelocityProblems):
         controller: str = "",
     ) -> None:
         super().__init__(description, parameters, session, controller)
-        self.ranks = self._start(0)
+        self.priorities = self._start(0)
 
     def adopt(self, parameters: Mapping[str, Any]) -> None:
         """Take gains as well."""
         super().adopt(parameters)
         self.gains = of_rows(self.entries, self.sizes, "gain_per_s", GAIN_PER_S)
 
-    def _start(self, first_tick: int) -> Ranks:
+    def _start(self, first_tick: int) -> CurrentPriorities:
         try:
-            return Ranks(Priorities(self.labels, self.settings["priorities"]), first_tick)
+            priorities = Priorities(self.labels, self.settings["priorities"])
+            return CurrentPriorities(priorities, first_tick)
         except NOT_READ as error:
             raise UnverifiableError(reason_of(error)) from error
 
@@ -125,7 +126,7 @@ class GhcVelocityProblems(VelocityProblems):
 
     def restart(self) -> None:
         """Restart the priorities."""
-        self.ranks = self._start(int(self.history.state["tick"]))
+        self.priorities = self._start(int(self.history.state["tick"]))
         self.history.requests.clear()
 
     @property
@@ -137,16 +138,16 @@ class GhcVelocityProblems(VelocityProblems):
         """Evaluate priorities, and tolerances of trajectories."""
         super().observe()
         for request in self.history.requests:
-            self.ranks.change(request)
+            self.priorities.change(request)
         self.history.requests.clear()
-        self.ranks.advance(int(self.history.state["tick"]), self.T)
+        self.priorities.advance(int(self.history.state["tick"]), self.T)
 
     def logged_claims(self, setpoint: Any) -> list[Claim]:
         """Priorities and gains."""
         stated, told = setpoint["extra"][len(self.labels) :], setpoint["gains"]
         claims = []
         if len(stated):
-            alpha = self.ranks.alpha.ravel()
+            alpha = self.priorities.alpha.ravel()
             near = RELATIVE * np.maximum(np.abs(stated), alpha)
             claims.append(claim_each("alpha", stated, alpha, near))
         if len(told):
@@ -164,7 +165,7 @@ class GhcVelocityProblems(VelocityProblems):
         edges = np.cumsum([0, *self.sizes]).tolist()
         weight, width = float(self.settings["regularisation"]), float(self.settings["smoothing"])
         rows = Wanted(cycle.J, wanted, error, edges)
-        given = condensed(rows, self.ranks.alpha, weight, width)
+        given = condensed(rows, self.priorities.alpha, weight, width)
         if solved:
             program, _, error, exact = _optimum(given, cycle)
             spanned = program.E @ np.asarray(program.z) + program.e
@@ -183,8 +184,13 @@ class GhcVelocityProblems(VelocityProblems):
 
     def _certificate_claims(self, setpoint: Any, cycle: Cycle) -> list[Claim]:
         """V of the top tasks, its rate, and what makes an answer certified."""
-        ranks, T, place, status = self.ranks, self.T, cycle.place, setpoint["solver_status"]
-        on = np.repeat(ranks.top, self.sizes).astype(float)
+        priorities, T, place, status = (
+            self.priorities,
+            self.T,
+            cycle.place,
+            setpoint["solver_status"],
+        )
+        on = np.repeat(priorities.top, self.sizes).astype(float)
         e, ahead = on * np.abs(cycle.e), on * np.abs(cycle.ahead)
         V, end = 0.5 * float(e @ e), 0.5 * float(ahead @ ahead)
         slope, stated = on * cycle.e, float(setpoint["v"])
@@ -198,7 +204,7 @@ class GhcVelocityProblems(VelocityProblems):
             claim("predicted V rate", setpoint["v_rate_predicted"], rate, exact),
         ]
         solved = setpoint["fallback"] == SOLVED and setpoint["kkt_residual"] <= OPTIMAL
-        solved = solved and ranks.settled and bool(ranks.top.any())
+        solved = solved and priorities.settled and bool(priorities.top.any())
         if status == AT_TARGET and abs(2.0 * stated - ARRIVED**2) > RELATIVE * ARRIVED**2:
             claims.append(claim("at_target", 1.0, solved and 2.0 * stated <= ARRIVED**2))
         if status == CERTIFIED:
@@ -206,9 +212,9 @@ class GhcVelocityProblems(VelocityProblems):
             apart = abs((end - V) / T - rate) - FIRST_ORDER * abs(rate)
             near = rounded / T + led + exact
             claims += [
-                claim("certified: solved, at rest", solved, 1.0),
+                claim("certified: optimum, settled priorities", solved, 1.0),
                 claim("certified: V falls", end - V, 0.0, rounded + led * T, "at_most"),
-                claim("certified: as V rate says", apart, 0.0, near, "at_most"),
+                claim("certified: V falls at its rate", apart, 0.0, near, "at_most"),
                 claim("certified: V rate", rate, 0.0, exact, "at_most"),
             ]
         return claims

@@ -215,11 +215,11 @@ class ProblemBuilder(ABC):
     def restart(self) -> None:  # noqa: B027 - many remember nothing
         """The controller was reset at the newest State, which need not be finite."""
 
-    def begin(self) -> None:  # noqa: B027
+    def begin(self) -> None:  # noqa: B027 - as above
         """Forget everything: the newest State is the first after a reset."""
 
-    def observe(self) -> None:  # noqa: B027
-        """Fold the newest State, which is finite; `begin` was called before, if it is the first."""
+    def observe(self) -> None:  # noqa: B027 - as above
+        """Process the newest State, which is finite; of the first one `begin` was called before."""
 
     @abstractmethod
     def state_problem(self, setpoint: Any) -> Statement:

@@ -40,7 +40,7 @@ have a checker of their own."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"
-LEFT = "a singularity is being left"
+LEFT = "the controller leaves a singularity"
 NOTHING = "its problem_type states nothing of the answer"
 PART = 5000  # answers whose findings are counted together
 

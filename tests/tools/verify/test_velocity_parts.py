@@ -135,7 +135,7 @@ def test_priorities_move_as_those_of_the_product(start: dict, live: dict) -> Non
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"order": ["a", "nobody"]},
+        {"order": ["a", "unknown"]},
         {"matrix": [[0.0, 2.0], [0.0, 0.0]]},
         {"matrix": [[0.0]]},
         {"timeline": [{"order": ["a", "b"]}]},
@@ -148,7 +148,7 @@ def test_priorities_that_cannot_be_read_say_so(wrong: dict) -> None:
 
 def test_a_change_of_tasks_that_are_none_says_so() -> None:
     with pytest.raises(UnverifiableError):
-        Priorities(["a", "b"], {}).change({"order": ["a", "nobody"]}, 0.0)
+        Priorities(["a", "b"], {}).change({"order": ["a", "unknown"]}, 0.0)
 
 
 def test_defaults_are_those_of_the_controllers_and_no_other_setting_changes_a_claim() -> None:

@@ -52,7 +52,7 @@ class Target {
       const gizmo = new TransformControls(stage.camera, stage.canvas);
       gizmo.setMode(mode);
       gizmo.setColors(...AXES, ORANGE);
-      gizmo.setSize(mode === "rotate" ? 1.25 : 0.75); // rings outside the arrows: no press is meant for both
+      gizmo.setSize(mode === "rotate" ? 1.25 : 0.75); // rings outside the arrows: a press hits one of them
       gizmo.showXYZE = gizmo.showE = false; // rings about x, y and z are enough
       gizmo.attach(this.marker);
       gizmo.addEventListener("change", () => stage.change());
