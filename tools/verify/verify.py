@@ -284,17 +284,17 @@ def _check_problems(
     """Check answers by the problems that the controller's builder states."""
     (name, parameters), answers = _controller(_config(log)), log.count(Kind.SETPOINT)
     options: dict[str, Any] = {"answers": answers, "most": most, "allow_code": allow_code}
-    options["seed"] = _digest(log)  # so that nobody can choose answers that are not in the sample
+    options["seed"] = _digest(log)  # an answer that is changed changes the sample as well
     say(f"problems of {answers} answers")
     with suppress(UnverifiableError):  # `_check_controller` has the reason
         check_engagements(log.records(), name, parameters, part.claims, say=say, **options)
 
 
 def _digest(log: Log) -> int:
-    """Of the files of a log."""
+    """Of the files of a log; those that were deleted since it was read are left out."""
     found = hashlib.blake2b(digest_size=8)
     for path in log.paths:
-        with path.open("rb") as file:
+        with suppress(FileNotFoundError), path.open("rb") as file:
             found.update(hashlib.file_digest(file, "blake2b").digest())
     return int.from_bytes(found.digest(), "little")
 
