@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import mmap
+import os
 import tempfile
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -34,6 +36,22 @@ SLACK_BYTES = 1 << 26  # beyond that
 def parts(count: int) -> Iterator[slice]:
     """Of so many rows, `PART` at a time."""
     return (slice(begin, begin + PART) for begin in range(0, count, PART))
+
+
+def disk_array(shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """Zeros in a temporary file, whose pages the kernel writes out where memory is short.
+
+    Raises:
+        LogError: there is no room for it.
+    """
+    if not math.prod(shape):
+        return np.zeros(shape)
+    try:
+        with tempfile.TemporaryFile(prefix="hoap3-") as file:
+            os.posix_fallocate(file.fileno(), 0, 8 * math.prod(shape))
+            return np.asarray(np.memmap(file, np.float64, "r+", shape=shape))
+    except OSError as error:
+        raise _no_room(error) from error
 
 
 class DiskRows:
