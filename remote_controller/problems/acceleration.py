@@ -147,6 +147,10 @@ class AccelerationProblems(ProblemBuilder):
         """Return the tasks, as a config has them."""
         return list(settings["tasks"])
 
+    def derivative_claims(self) -> list[Claim]:
+        """Claims of the derivatives of users' tasks."""
+        return [claim for task in self.tasks for claim in task.derivative_claims(self._robot)]
+
     @abstractmethod
     def schedule(self, settings: Settings) -> Schedule:
         """Return weights or priorities, at their start."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
-from hoap3.remote_controller.problems.statement import Statement
+from hoap3.remote_controller.problems.statement import Claim, Statement
 from hoap3.remote_controller.problems.velocity_answer import DELAYED, VelocityAnswer
 
 if TYPE_CHECKING:
@@ -257,7 +258,14 @@ class ProblemBuilder(ABC):
         if setpoint is None or not (history.known and history.finite):
             return None
         finite = is_finite(setpoint, "values", "decision")
-        return self.state_problem(setpoint) if finite else None
+        if not finite:
+            return None
+        statement, more = self.state_problem(setpoint), self.derivative_claims()
+        return replace(statement, claims=(*statement.claims, *more)) if more else statement
+
+    def derivative_claims(self) -> list[Claim]:
+        """Claims that derivatives in users' tasks and constraints are right, of this problem."""
+        return []
 
     def velocity_answer(self, setpoint: Any) -> VelocityAnswer:
         """The joint velocities of an answer to the newest State, (n,) [rad/s or m/s].

@@ -24,7 +24,7 @@ from hoap3.remote_controller.problems.oracles.tasks.task_oracle import Rows as T
 from hoap3.remote_controller.problems.stable_qp_cycle import Cycle
 from hoap3.remote_controller.problems.stable_qp_objective import Objective
 from hoap3.remote_controller.problems.stable_qp_settings import Settings
-from hoap3.remote_controller.problems.statement import Statement
+from hoap3.remote_controller.problems.statement import Claim, Statement
 from hoap3.remote_controller.problems.velocity_answer import DELAYED, VelocityAnswer
 
 COLUMNS = "psi", "drift", "solver_status"
@@ -110,6 +110,11 @@ class StableQpProblems(ProblemBuilder):
         self.limits = [
             (each, each.rows(state, count - 1)) for each in self.constraints if each.has_rows
         ]
+
+    def derivative_claims(self) -> list[Claim]:
+        """Claims of the derivatives of a user's task and of users' constraints."""
+        claims = [] if isinstance(self.task, Curve) else self.task.derivative_claims(self._robot)
+        return claims + [each for limit in self.constraints for each in limit.derivative_claims()]
 
     def state_problem(self, setpoint: Any) -> Statement:
         """Everything that the certificate claims of an answer."""

@@ -228,6 +228,10 @@ class VelocityProblems(ProblemBuilder):
         self.rows = [slice(*ends) for ends in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.limits = limits_of(self.history.description, self.settings["bounds"])
 
+    def derivative_claims(self) -> list[Claim]:
+        """Claims of the derivatives of users' tasks."""
+        return [claim for task in self.tasks for claim in task.derivative_claims(self.robot)]
+
     @property
     def labels(self) -> list[str]:
         """Names of the tasks."""

@@ -187,14 +187,15 @@ def check_engagements(
         engagement, failed_at = _Engagement(reader), 0
         try:
             session = json.loads(record.payload)
-            builder = kind(description, parameters, session, controller)
-            failed_at = 1  # from here on, an error is raised at an answer that was read
-            check_statements(engagement, builder, claims, share=share, seed=seed, say=say)
+            with code_of_log(allowed=allow_code):  # a builder imports users' tasks
+                builder = kind(description, parameters, session, controller)
+                failed_at = 1  # from here on, an error is raised at an answer that was read
+                check_statements(engagement, builder, claims, share=share, seed=seed, say=say)
         except expected as error:
             rest = sum(each.kind == Kind.SETPOINT for each in engagement)
             known = isinstance(error, UnverifiableError | UsageError)
             reason = str(error) if known else blame(error, kind)
-            claims.unverified("certificate", rest + failed_at, f"{reason:.120}")
+            claims.unverified("certificate", rest + failed_at, f"{reason:.240}")
         description = engagement.description or description
         record = engagement.following
     claims.unverified("certificate", lost, "there is no description or session before it")

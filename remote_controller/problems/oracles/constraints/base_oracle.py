@@ -13,6 +13,7 @@ from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
+from hoap3.remote_controller.problems.statement import Claim
 
 Array = NDArray[np.float64]
 States = Any  # of all cycles: an array of `State` rows, or what indexes like one
@@ -114,6 +115,10 @@ class Constraint:
             number: of the cycle; its margin is written.
         """
         raise NotImplementedError
+
+    def derivative_claims(self) -> list[Claim]:
+        """Claims that the derivatives are those of the margins, where `rows` was called last."""
+        return []
 
     def accepts(self, gradient: Array) -> bool:
         """Whether the rows of the last cycle count for this ∇V, (n,)."""

@@ -40,7 +40,9 @@ KINDS: dict[str, type[Constraint]] = {
     "viability": Viability,
     "zmp": Zmp,
 }
-"""Those that can be recomputed; others are counted as not verified, by name."""
+"""Those that can be recomputed."""
+NOT_RECOMPUTED = frozenset({"joint_torque"})
+"""Ours of accelerations alone; all others are users' own, as `user_function` is."""
 
 
 def constraints_of(
@@ -55,12 +57,17 @@ def constraints_of(
     known: list[Constraint] = []
     unknown: dict[str, str] = {}
     for name, given in entries:
-        if name not in KINDS:
+        if name in NOT_RECOMPUTED:
             unknown[name] = "it is not recomputed here"
             continue
         try:
+            if name not in KINDS:
+                from hoap3.remote_controller.problems.oracles.user_code_oracle import UserBarrier
+
+                known.append(UserBarrier(name, given, robot))
+                continue
             settings = complete(given, KINDS[name].defaults, name)
             known.append(KINDS[name](settings, robot.description, robot))
         except (UnverifiableError, FrameNotFoundError, ValueError, KeyError, TypeError) as error:
-            unknown[name] = f"{error!s:.100}"
+            unknown[name] = f"{error!s:.240}"
     return known, unknown

@@ -32,6 +32,7 @@ from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
 from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
 from hoap3.remote_controller.problems.oracles.tasks.task_oracle import AnyTask
 from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import TRAJECTORY
+from hoap3.remote_controller.problems.statement import Claim
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
@@ -79,6 +80,11 @@ class AccelerationTask(ABC):
 
     def take_over(self, other: AccelerationTask) -> None:  # noqa: B027 - most are never replaced
         """Continue with the memory of a task of which only weights differ."""
+
+    def derivative_claims(self, robot: Robot) -> list[Claim]:
+        """As of the tasks of velocity controllers."""
+        del robot
+        return []
 
     @abstractmethod
     def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> TaskRows:
@@ -183,6 +189,10 @@ class FiniteDifference(AccelerationTask):
         """Take over the target and the tolerances."""
         if isinstance(other, FiniteDifference):
             self._task.take_over(other._task)
+
+    def derivative_claims(self, robot: Robot) -> list[Claim]:
+        """As of the task."""
+        return self._task.derivative_claims(robot)
 
     def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> TaskRows:
         """Evaluate ν = ė of the task's e, which has the opposite sign of ours."""

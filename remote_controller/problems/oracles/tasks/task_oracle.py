@@ -22,6 +22,7 @@ from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
 )
 from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
 from hoap3.remote_controller.problems.oracles.tasks.tolerances_oracle import Tolerances
+from hoap3.remote_controller.problems.statement import Claim
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -136,6 +137,14 @@ class Task(ABC):
         ahead = rate(q + STEP_S * dq, time_s) - rate(q - STEP_S * dq, time_s)
         later, now = rate(q, time_s + period_s), rate(q, time_s)
         return now, ahead / (2.0 * STEP_S) + (later - now) / period_s
+
+    def derivative_claims(self, robot: Robot) -> list[Claim]:
+        """Claims that the derivatives are those of e, where `at` was called last.
+
+        Ours are recomputed apart from the controller's, so there is nothing to claim of them.
+        """
+        del robot
+        return []
 
     @property
     def rounding(self) -> float:
@@ -343,6 +352,10 @@ class SumTask:
         """As of a single task."""
         found = [term.motion(robot, q, dq, time_s, period_s) for term in self._terms]
         return self._joined([each[0] for each in found]), self._joined([each[1] for each in found])
+
+    def derivative_claims(self, robot: Robot) -> list[Claim]:
+        """Those of all terms."""
+        return [claim for term in self._terms for claim in term.derivative_claims(robot)]
 
     def _joined(self, parts: Sequence[Array]) -> Array:
         return np.concatenate([w * part for w, part in zip(self._roots, parts, strict=True)])
