@@ -78,8 +78,9 @@ def moments(
             break
         worst, alike = (found, same[0]) if worst is None else (worst, alike)
     if worst is not None:
-        at = f"tick {count(worst.tick)}, {seconds(worst.time_s)} s"
-        ends[alike] = replace(ends[alike], why=f"also the worst: {worst.why} ({at})")
+        end, at = ends[alike], f" at {seconds(worst.time_s)} s, tick {count(worst.tick)}"
+        at = "" if worst.tick == end.tick else at
+        ends[alike] = replace(end, why=f"also the worst: {worst.why}{at}")
     return [moment for moment in ends if _can_be_drawn(moment)]
 
 

@@ -217,7 +217,7 @@ class LiveTarget(Target):
 
     def _follow(self, taken: Taken) -> None:
         begin = max(taken.first_s, taken.now_s)
-        self._plans = [plan for plan in self._plans if plan[0] < taken.now_s]
+        self._plans = [plan for plan in self._plans if plan[0] < taken.now_s][-2:]
         plan = self._plan(begin, self._state(begin), taken)
         self._plans.append((begin, plan))
         home_s = taken.now_s + self._returns_after

@@ -132,9 +132,10 @@ def test_a_smallest_margin_in_the_posture_of_the_start_is_no_picture_of_its_own(
     margin, q = np.linspace(0.1, 0.5, 50), np.zeros((50, 2))
     q[1:] += 0.001  # the same picture
     start, end = moments_of(v=FALLING, margin=margin, q=q)
-    assert "0.100 rad/s" in start.why
-    assert "tick 100" in start.why
+    assert start.why.endswith("0.100 rad/s")
     assert end.why == ""
+    margin[1] = 0.05
+    assert "0.0500 rad/s at 0.001 s, tick 101" in moments_of(v=FALLING, margin=margin, q=q)[0].why
     q[23] = (0.1, -1.52)  # the joint that is nearest to a limit looks different
     assert worst(v=FALLING, margin=margin, q=q).tick == 123
 
@@ -145,7 +146,6 @@ def test_a_violated_margin_at_the_end_is_the_worst_although_others_look_differen
     q[40:] = 0.3
     _, end = moments_of(v=FALLING, margin=margin, q=q)
     assert "violated" in end.why
-    assert "0.049 s" in end.why
 
 
 def test_else_the_joint_that_is_nearest_to_a_limit():
@@ -239,7 +239,8 @@ def test_of_a_robot_of_very_many_shapes_the_report_stays_small(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", available())
 def test_of_a_shipped_robot_in_any_posture_the_report_stays_small(name, tmp_path):
-    log = active_log(tmp_path, count=3, description=load(name))
+    margins = {"margin": 1.0}, {"margin": -1.0}, {"margin": 1.0}
+    log = active_log(tmp_path, count=3, description=load(name), setpoint=margins.__getitem__)
     (drawing,) = views_of(log)
     assert len(drawing.svg.encode()) < BOUND
     assert len(shown(drawing)) == 3
