@@ -172,7 +172,7 @@ export class Targets {
   /** In the legend: what the handles that are shown are along. */
   #explain() {
     at("handles-key").hidden = !this.armed || !this.all.some((target) => target?.gizmos.length);
-    write(at("handles-text"), `handles, along the ${this.axes === "world" ? "world's" : "target's"} axes`);
+    write(at("handles-text"), `handles: ${this.axes === "world" ? "world" : "target"} axes`);
   }
 
   /** A gizmo is gripped or let go: one at a time, and the camera stands still meanwhile. */
