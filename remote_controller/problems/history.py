@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hoap3.protocol.errors import WireError
-from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
+from hoap3.protocol.messages import Event, Message, Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
@@ -168,13 +168,8 @@ class History:
     def _take_target(self, payload: bytes) -> None:
         from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Taken
 
-        target, period = Target.like(payload), self.description.period_s
-        target.load(payload)
         tick = -1 if self.state is None else int(self.state["tick"])
-        rates = target.rates.reshape(target.points if target.rates.size else 1, -1).copy()
-        points = target.values.reshape(target.points, target.dimension).copy()
-        first, step = target.first_tick * period, target.tick_step * period
-        self.messages.add(Taken(target.target, (tick + 1) * period, first, step, points, rates))
+        self.messages.add(Taken.of(payload, tick, self.description.period_s))
 
 
 class ProblemBuilder(ABC):

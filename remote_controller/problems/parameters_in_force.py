@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hoap3.protocol.config.dotted_keys import split_key
+from hoap3.protocol.config.dotted_keys import join_key, split_key
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints import registry as constraints
@@ -84,9 +84,15 @@ class ParametersInForce:
         self._ways: dict[Place, Way] = {}
         self._clock, self._pace, self._last = 0.0, 1.0, -1
 
-    def ask(self, request: Mapping[str, Any]) -> None:
-        """Take a request, which counts from the next State on."""
-        self._ways |= self._ways_of(request)
+    def ask(self, request: Mapping[str, Any]) -> list[tuple[str, Any, Any]]:
+        """Take a request, which counts from the next State on.
+
+        Returns:
+            dotted key, value before and value after of each parameter.
+        """
+        ways = self._ways_of(request)
+        self._ways |= {place: way for _, place, way in ways}
+        return [(key, *way.ends) for key, _, way in ways]
 
     def reset(self) -> None:
         """Return to the parameters of the config, with the State that follows."""
@@ -124,11 +130,12 @@ class ParametersInForce:
             content = self._with(content, place, value)
         return content
 
-    def _ways_of(self, request: Mapping[str, Any]) -> dict[Place, Way]:
+    def _ways_of(self, request: Mapping[str, Any]) -> list[tuple[str, Place, Way]]:
+        """Key, place and way of each parameter that a request names."""
         content = dict(request)
         over_s = float(content.pop("over_s", self._over_s))
         over = max(over_s / self._description.period_s, 1.0)
-        ways = {}
+        ways = []
         lists = (self._given.get(key) or () for key in ("tasks", "constraints"))
         labels = [label for entries in lists for label in _labels(entries)]
         for path, after in _leaves(content, (), labels):
@@ -137,7 +144,8 @@ class ParametersInForce:
             ends = [self._spread(place, value) for value in (before, after)]
             longest = max(map(len, ends))
             start, goal = (each * longest if len(each) == 1 else each for each in ends)
-            ways[place] = Way((before, after), (start, goal), self._clock, over)
+            way = Way((before, after), (start, goal), self._clock, over)
+            ways.append((join_key(path), place, way))
         return ways
 
     def _spread(self, place: Place, value: Any) -> tuple[float, ...]:

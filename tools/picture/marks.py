@@ -125,10 +125,10 @@ class Marks:
         found = []
         if self.support is not None and len(self.support) > 2:
             found.append(Flat("loop", camera.project(floor.on(self.support)), "green", 1.4))
-        if self.way is not None and len(self.way) > 1:
-            found.append(Flat("line", camera.project(_thin(self.way)), "red", 1.0))
         if self.path is not None and len(self.path) > 1:
             found.append(Flat("line", camera.project(_thin(self.path)), "blue", 2.0))
+        if self.way is not None and len(self.way) > 1:
+            found.append(Flat("line", camera.project(_thin(self.way)), "red", 1.0))
         if self.plumb and self.point is not None:
             ends = np.stack((self.point, floor.on(self.point)))
             found.append(Flat("dash", camera.project(ends), "blue", 1.2))

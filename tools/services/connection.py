@@ -340,6 +340,9 @@ class Connection(RobotClient):
     ) -> int:
         """Send the next points, each with its tick: the task is there at that tick.
 
+        Behind the last point the target brakes within its bounds: where the curve still moves
+        there, it comes to rest beyond that point.
+
         Args:
             points: (p, d), in the unit of the target; see `send_target`.
             first_tick: of the first, such as the tick of the State that the sender saw.

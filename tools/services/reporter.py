@@ -168,7 +168,8 @@ class Reporter:
         self._session: dict[str, int | str] = {}
         self._conditions: tuple[str, ...] = ()  # names that the controller gives
         self._joints: tuple[str, ...] = ()
-        self._told: set[int] = set()
+        self._period_s = 0.0
+        self._began: dict[int, int | None] = {}  # conditions: first tick; None once it has ended
 
     def say(self, text: str, kind: NoteKind = "said") -> None:
         """Report one line of a kind."""
@@ -183,28 +184,32 @@ class Reporter:
             self._lines.write("info", "summary", text, more=self._session)
 
     def description(self, record: Record) -> None:
-        """Learn the names of the joints."""
-        self._joints = RobotDescription.from_json(record.payload).joint_names
+        """Learn the names of the joints, and the period."""
+        description = RobotDescription.from_json(record.payload)
+        self._joints, self._period_s = description.joint_names, description.period_s
 
     def session(self, record: Record) -> None:
         """Learn what the following events are about."""
         session = json.loads(record.payload)
         self._conditions = tuple(session.get("conditions", ()))
         self._session = {"session": str(session["session_id"])}
-        self._told.clear()
+        self._began.clear()
 
     def event(self, record: Record) -> None:
-        """One line for people; of a condition, when it holds for the first time."""
+        """One line for people; of a condition, when it holds for the first time, and its end."""
         event = Event()
         event.load(record.payload)
         if event.kind in FREQUENT:
             return  # hundreds on a busy machine; they are counted, and stand in the log
-        if event.kind in CONDITIONS:
-            if event.detail in self._told:
-                return  # it may come and go; the log has it all
-            self._told.add(event.detail)
         name = event_name(event.kind, event.detail)
         words = in_words(event.kind, event.detail, self._joints, self._conditions)
+        if event.kind in CONDITIONS:
+            since, began = self._began.get(event.detail), event.kind == EVENTS["CONDITION_BEGAN"]
+            if event.detail in self._began and (began or since is None):
+                return  # it may come and go; the log has it all
+            self._began[event.detail] = event.tick if began else None
+            if since is not None:
+                words += f", after {(event.tick - since) * self._period_s:.3f} s"
         what = f"{name} ({words})" if words else name
         if self._side == "controller" and event.kind == EVENTS["SAFE_STOP"]:
             stopped = stop_words(STOP_REASONS.get(event.detail))

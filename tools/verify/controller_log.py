@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.errors import WireError
-from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
+from hoap3.protocol.messages import Event, Message, Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages, Taken
@@ -186,20 +186,8 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
 
 
 def _add_target(run: ControllerRun, payload: bytes) -> None:
-    target, period = Target.like(payload), run.description.period_s
-    target.load(payload)
     (tick,) = State.scalars(run._newest_state, "tick") if run._states else (-1,)
-    shape = target.points, target.dimension
-    run.targets.append(
-        Taken(
-            target.target,
-            (tick + 1) * period,
-            target.first_tick * period,
-            target.tick_step * period,
-            target.values.reshape(shape).copy(),
-            target.rates.reshape(target.points if target.rates.size else 1, -1).copy(),
-        )
-    )
+    run.targets.append(Taken.of(payload, tick, run.description.period_s))
 
 
 def _add_state(run: ControllerRun, payload: bytes) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.log_samples import describe
 
 from hoap3.protocol.config.settings import LogSettings
 from hoap3.protocol.errors import ConfigError
@@ -158,3 +159,20 @@ def test_events_carry_their_session_their_tick_and_their_stamp(file: Path) -> No
     assert told == [("GRANTED", "info", 5), ("REFUSED", "warning", 6), ("SAFE_STOP", "error", 7)]
     assert {line["session"] for line in read(file)} == {"9223372036854775807"}
     assert [line["monotonic_ns"] for line in read(file)] == [105, 106, 107]
+
+
+def test_a_condition_is_told_with_its_first_begin_and_end(file: Path) -> None:
+    reporter = Reporter(None, "controller", "arm", JsonLines(FACTS, print))
+    reporter.description(Record(Kind.DESCRIPTION, 0, describe(2).to_json()))
+    session = {"session_id": 7, "conditions": ["slowed", "held"]}
+    reporter.session(Record(Kind.SESSION, 1, json.dumps(session).encode()))
+    events = [("BEGAN", 5, 0), ("BEGAN", 6, 1), ("ENDED", 255, 0), ("BEGAN", 300, 0)]
+    for name, tick, detail in (*events, ("ENDED", 301, 0)):
+        event = Event()
+        event.kind, event.tick, event.detail = EVENTS[f"CONDITION_{name}"], tick, detail
+        reporter.event(Record(Kind.EVENT, tick, event.dump()))
+    assert [(line["tick"], line["text"]) for line in read(file)] == [
+        (5, "condition began (slowed)"),
+        (6, "condition began (held)"),
+        (255, "condition ended (slowed, after 0.250 s)"),
+    ]

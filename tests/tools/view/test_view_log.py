@@ -234,6 +234,22 @@ def test_worst_ticks_misses_and_events_are_found(found):
     assert ROBOT.joint_names[1] in event["label"]
 
 
+@pytest.mark.parametrize("most", [500, 1])  # events that are listed
+def test_the_end_of_a_condition_says_how_long_it_held(most, tmp_path, monkeypatch):
+    monkeypatch.setattr(log_overview, "EVENTS", most)
+    records, event = run(300), Event()
+    kinds = Event.schema.constants
+    for tick, kind in ((100, "BEGAN"), (150, "ENDED"), (200, "BEGAN")):
+        event.kind, event.tick, event.stamp = kinds[f"CONDITION_{kind}"], tick, BEGIN + tick * MS
+        records.append(Record(Kind.EVENT, event.stamp, event.dump()))
+    records.sort(key=lambda record: record.stamp)
+    events = passed(Log.indexed(written(tmp_path, records)))["events"]
+    first, *listed, last = [event["label"] for event in events[: most + 1]]
+    assert "after" not in first
+    assert [label.endswith("after 0.050 s") for label in listed] == [True, False][: most - 1]
+    assert "for 0.100 s, until the end of the log" in last
+
+
 def test_no_answer_in_virtual_time_is_listed_as_slow(tmp_path):
     records = [
         Record(kind, stamp, payload.replace(b'"lockstep": false', b'"lockstep": true'))

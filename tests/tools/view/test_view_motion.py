@@ -211,6 +211,22 @@ def test_a_hold_goes_no_further_than_what_was_asked_for(frames, state):
     assert np.allclose(rest_of(hand, state, poses, here), here, atol=1e-12)
 
 
+def test_a_hold_keeps_to_the_bit_what_rests_where_it_was_sent(frames, state):
+    """The dragged axis brakes; the others, and the orientation, do not change by rounding."""
+    here = place(state)
+    aside = np.array([0.2, 3e-4, -1e-5, *np.zeros(4)])
+    asked = (here + aside).tolist()
+    asked[3:] = [-each for each in asked[3:]]  # the same orientation
+    (target,) = (each for each in frames.targets if each.name == "tool")
+    rest = rest_of(target, state, Poses(UR5), asked)
+    assert rest[0] == pytest.approx(here[0], abs=1e-9)
+    assert rest[1:] == asked[1:]
+    asked[1], asked[3:] = here[1] + 0.01, multiplied(of_rotation_vector(0.01 * here[:3]), here[3:])
+    rest = rest_of(target, state, Poses(UR5), asked)
+    assert rest[1] == pytest.approx(here[1], abs=1e-9)
+    assert abs(np.dot(rest[3:], here[3:])) == pytest.approx(1.0, abs=1e-12)
+
+
 def test_other_targets_of_the_controller_end_what_was_driven(frames, state):
     """The same name, but a pose now: rates of before do not fit it."""
     present = [frames]

@@ -17,7 +17,14 @@ from hoap3.tools.analysis.canvas import Drawing
 from hoap3.tools.analysis.certificates import Certificates
 from hoap3.tools.analysis.report.certificate_plots import certificate_drawings
 from hoap3.tools.analysis.report.checked import Checked, check_logs, skip
-from hoap3.tools.analysis.report.events import Condition, LogEvent, read_conditions, read_events
+from hoap3.tools.analysis.report.events import (
+    Condition,
+    Interval,
+    LogEvent,
+    read_events,
+    read_intervals,
+    sum_up_conditions,
+)
 from hoap3.tools.analysis.report.motion import Motion, read_motion
 from hoap3.tools.analysis.report.motion_plots import motion_drawings
 from hoap3.tools.analysis.report.sources import Sources, of_ours
@@ -37,7 +44,7 @@ class Content:
         ticks: what became of its ticks, of which at least one asked; or None.
         checked: what of the logs was recomputed, and holds.
         events: of both sides, each in order.
-        conditions: of the controller; None without its log.
+        intervals: in which conditions of the controller held; None without its log.
         gaps: what is missing, and why, in sentences.
         robot_here: name or path of the robot on this machine, whose meshes are drawn.
     """
@@ -47,9 +54,14 @@ class Content:
     ticks: TickTable | None
     checked: Checked
     events: tuple[LogEvent, ...]
-    conditions: tuple[Condition, ...] | None
+    intervals: tuple[Interval, ...] | None
     gaps: tuple[str, ...]
     robot_here: str | None = None
+
+    @cached_property
+    def conditions(self) -> list[Condition] | None:
+        """Sums of the intervals, the most lasting condition first."""
+        return None if self.intervals is None else sum_up_conditions(self.intervals)
 
     @property
     def warnings(self) -> list[str]:
@@ -213,17 +225,17 @@ def read_content(
                 "Nobody watched for stalls of the host, which needs real-time rights: all rates "
                 "are raw, and a stall counts like any other miss."
             )
-        conditions = None
+        intervals = None
         if sources.controller is not None:
             session_id = motion.session_id if motion is not None else None
-            conditions = tuple(read_conditions(sources.controller, session_id))
+            intervals = tuple(read_intervals(sources.controller, session_id))
         return Content(
             sources=sources,
             motion=motion,
             ticks=ticks,
             checked=checked,
             events=tuple(event for log in sources.logs for event in read_events(log)),
-            conditions=conditions,
+            intervals=intervals,
             gaps=tuple(gaps),
             robot_here=robot,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,11 +10,12 @@ import numpy as np
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.analysis.event_words import CONDITIONS, event_name, in_words
+from hoap3.tools.analysis.report.changes import read_changes
 from hoap3.tools.logs.log import Log
 
 MOST = 200  # rows that a reader is given; the log has all
 _OFTEN = {Event.schema.constants[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
-_BEGAN = Event.schema.constants["CONDITION_BEGAN"]
+_BEGAN, _CHANGED = (Event.schema.constants[name] for name in ("CONDITION_BEGAN", "CHANGED"))
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ def read_events(log: Log) -> list[LogEvent]:
     """
     _, events = log.table(Kind.EVENT)
     joints = log.joint_names
+    changes = iter(read_changes(log) if (events["kind"] == _CHANGED).any() else ())
     found: list[LogEvent] = []
     often: dict[int, list[int]] = {}
     first: dict[int, tuple[int, int]] = {}
@@ -54,8 +57,8 @@ def read_events(log: Log) -> list[LogEvent]:
             often.setdefault(kind, []).append(detail)
             first.setdefault(kind, (tick, stamp))
         else:
-            name = event_name(kind, detail)
-            found.append(LogEvent(log.side, tick, stamp, name, in_words(kind, detail, joints)))
+            text = (next(changes, "") if kind == _CHANGED else "") or in_words(kind, detail, joints)
+            found.append(LogEvent(log.side, tick, stamp, event_name(kind, detail), text))
     for kind, details in often.items():
         tick, stamp = first[kind]
         text = in_words(kind, max(details), joints)
@@ -64,6 +67,28 @@ def read_events(log: Log) -> list[LogEvent]:
             text = f"{whole} in all, {text.rpartition(': ')[2]} at most at once"
         found.append(LogEvent(log.side, tick, stamp, event_name(kind, 0), text, len(details)))
     return sorted(found, key=lambda event: event.stamp)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Ticks in which a condition held without a break.
+
+    Attributes:
+        condition: its name.
+        begin: its first tick.
+        end: the tick after its last one; with `goes_on` after the last State of the log.
+        goes_on: whether its end is not in the log.
+    """
+
+    condition: str
+    begin: int
+    end: int
+    goes_on: bool = False
+
+    @property
+    def ticks(self) -> int:
+        """For how many ticks of the robot it held."""
+        return max(0, self.end - self.begin)
 
 
 @dataclass(frozen=True)
@@ -85,11 +110,10 @@ class Condition:
     longest: int
 
 
-def read_conditions(log: Log, session_id: int | None = None) -> list[Condition]:
-    """Those of one session in a controller's log, the most lasting first.
+def read_intervals(log: Log, session_id: int | None = None) -> list[Interval]:
+    """When conditions of one session in a controller's log held, in the order of their begins.
 
-    One whose begin is lost with older files counts from the first State of the log; one that goes
-    on counts to the last.
+    One whose begin is lost with older files counts from the first State of the log.
 
     Args:
         log: of the controller.
@@ -104,25 +128,35 @@ def read_conditions(log: Log, session_id: int | None = None) -> list[Condition]:
     states = log.states()
     ticks = states["tick"][states["session_id"] == session]
     first, last = (int(ticks.min()), int(ticks.max())) if len(ticks) else (0, 0)
-    names, stretches = log.names("conditions"), dict[int, list[tuple[int, int]]]()
-    open_since: dict[int, int] = {}
+    names, found = log.names("conditions"), list[Interval]()
+    open_since, ended = dict[int, int](), set[int]()
     for event in events:
         kind, tick, number = int(event["kind"]), int(event["tick"]), int(event["detail"])
-        found = stretches.setdefault(number, [])
         if kind == _BEGAN:
             open_since.setdefault(number, tick)
-        elif number in open_since or not found:
-            found.append((open_since.pop(number, first), tick))
+        elif number in open_since or number not in ended:
+            name = in_words(_BEGAN, number, (), names)
+            found.append(Interval(name, open_since.pop(number, first), tick))
+            ended.add(number)
     for number, since in open_since.items():
-        stretches[number].append((since, last + 1))
+        name = in_words(_BEGAN, number, (), names)
+        found.append(Interval(name, since, last + 1, goes_on=True))
+    return sorted(found, key=lambda each: (each.begin, each.condition))
+
+
+def sum_up_conditions(intervals: Sequence[Interval]) -> list[Condition]:
+    """Sum up each condition, the most lasting first."""
+    found: dict[str, list[Interval]] = {}
+    for each in intervals:
+        found.setdefault(each.condition, []).append(each)
     held = [
-        _condition(in_words(_BEGAN, number, (), names), found)
-        for number, found in stretches.items()
+        Condition(
+            name,
+            len(alike),
+            sum(each.ticks for each in alike),
+            alike[0].begin,
+            max(each.ticks for each in alike),
+        )
+        for name, alike in found.items()
     ]
     return sorted(held, key=lambda each: (-each.ticks, each.first_tick, each.condition))
-
-
-def _condition(name: str, stretches: list[tuple[int, int]]) -> Condition:
-    """From its stretches, each from the first tick to the one after the last."""
-    lengths = [max(0, end - begin) for begin, end in stretches]
-    return Condition(name, len(stretches), sum(lengths), stretches[0][0], max(lengths))

@@ -16,6 +16,7 @@ from hoap3.protocol.robot.description import COM, RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.constraints.support.polygon import half_planes
 from hoap3.remote_controller.default_task import default_goal
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.tools.analysis.answer_series import (
     UNITS,
     AnswerSeries,
@@ -26,6 +27,7 @@ from hoap3.tools.analysis.answer_series import (
 from hoap3.tools.analysis.certificates import CertificateCount, Certificates, doubts
 from hoap3.tools.analysis.report.moments import Moment, moments, range_used
 from hoap3.tools.analysis.report.sources import Sources
+from hoap3.tools.analysis.report.targets import find_position_task, target_path
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.logs.log import Log
 
@@ -37,6 +39,9 @@ NAMES_TASK = {
     "tsid": ("tasks", "goal"),
 }
 """Controllers that do the robot's default task unless they have one of these parameters."""
+STILL_M = 1e-6  # a target that moves less stays where it is
+MARGIN_UNITS = dict.fromkeys(("qp12", "pinv", "osqp"), "rad/s")
+"""Units of the smallest margin; that of other controllers is its constraint's."""
 
 
 @dataclass
@@ -47,12 +52,14 @@ class Motion(AnswerSeries):
         side: whose log tells it; the robot's, unless that holds nothing of it.
         session_id: of the session.
         start_ns: begin of the first tick that asked for an answer; all times count from there.
+        first_tick: its number.
         duration_s: from there to the last one.
         joints: names in wire order.
         path_time_s, path_m: (m,) and (m, 3), the point as seen from `frame`.
         frame: that of the task, or the robot's base.
         sole_m: (c, 2), support polygon in that frame, or None, as of a frame's path.
-        target_m: (3,), where the point shall be, or None.
+        target_m: (m, 3), where the point shall be, NaN where that is not known; or None.
+        v_in_metres: whether V is that of a position alone, in m².
         point: `com`, the centre of mass, or a frame.
         range_used: (m, n), joint positions within their usable range: 0 at its lower end, 1 at its
             upper; nan of joints without limits.
@@ -70,6 +77,7 @@ class Motion(AnswerSeries):
     side: str
     session_id: int
     start_ns: int
+    first_tick: int
     duration_s: float
     joints: tuple[str, ...]
     path_time_s: FloatArray
@@ -77,6 +85,7 @@ class Motion(AnswerSeries):
     frame: str
     sole_m: FloatArray | None
     target_m: FloatArray | None
+    v_in_metres: bool
     every: int
     active: FloatArray
     point: str = COM
@@ -89,9 +98,27 @@ class Motion(AnswerSeries):
     moments: list[Moment] = field(default_factory=list)
 
     @property
+    def target_moves(self) -> bool:
+        """Whether the target was at more than one place."""
+        known = self.known_target_m
+        return len(known) > 0 and bool((np.ptp(known, axis=0) > STILL_M).any())
+
+    @property
+    def known_target_m(self) -> FloatArray:
+        """(k, 3), `target_m` where it is known; empty without a target."""
+        if self.target_m is None:
+            return np.empty((0, 3))
+        return self.target_m[np.isfinite(self.target_m).all(axis=1)]
+
+    @property
     def has_certificates(self) -> bool:
         """Whether any answer says what V is."""
         return bool(np.isfinite(self.v).any())
+
+    @property
+    def requires_decrease(self) -> bool:
+        """Whether any answer states that V has to fall at some rate."""
+        return bool((self.psi > 0.0).any())
 
     @property
     def work(self) -> FloatArray:
@@ -145,13 +172,10 @@ def read_motion(sources: Sources) -> Motion | None:
             f"description {description.n}. Name a log that a service of ours has written"
         )
     settings = sources.settings("controller")
-    parameters = settings.get("parameters")
-    parameters = parameters if isinstance(parameters, dict) else {}
     start = int(active["stamp_intended"][0])
     every = -(-len(active) // MOST_POINTS)
-    point, frame, target = _goal(settings.get("controller"), parameters, description)
     positions = np.asarray(active[::every]["q"], float)
-    path = point_path(positions, description, point, frame)
+    followed = _follow(sources, active, every, description, gaps)
     rows, answers = _answered(active, setpoints, description.n)
     if len(rows) < len(sent):
         gaps.append(
@@ -160,7 +184,7 @@ def read_motion(sources: Sources) -> Motion | None:
         )
     if not len(rows):
         gaps.append("Nobody answered: V, Ψ and the control inputs are not known.")
-    series = read_answers(rows, answers, description, parameters, start)
+    series = read_answers(rows, answers, description, _parameters(settings), start)
     proved = series.proved
     if len(rows) and not proved.any():
         gaps.append("This controller gives no certificates: V and Ψ are not known.")
@@ -188,29 +212,24 @@ def read_motion(sources: Sources) -> Motion | None:
         )
         certificates = _with_reasons(certificates, sources.controller, session_id)
         gaps += certificates.gaps
-    soles = [np.array(each.polygon, float) for each in description.soles if each.frame == frame]
-    sole = soles[0] if soles and point == COM else None
-    if sole is None and description.soles and point == COM:
-        gaps.append(
-            f"The description of {description.name} has no sole in the frame {frame}: there is "
-            "no support polygon."
-        )
-    unit = "" if target is None else "m"
+    apart = None
+    if followed["target_m"] is not None and not followed["v_in_metres"]:
+        away = followed["path_m"] - followed["target_m"]
+        apart = active[::every], np.linalg.norm(away, axis=1)
+    of_margin = MARGIN_UNITS.get(str(settings.get("controller")), "")
+    units = "m" if followed["v_in_metres"] else "", of_margin
     return Motion(
         **vars(series),
         side=log.side,
         session_id=session_id,
         start_ns=start,
+        first_tick=int(active["tick"][0]),
         duration_s=duration_s,
         joints=description.joint_names,
         path_time_s=seconds_since(start, active[::every]),
-        path_m=path,
-        frame=frame,
-        sole_m=sole,
-        target_m=target,
         every=every,
         active=joints_active,
-        point=point,
+        **followed,
         range_used=range_used(positions, description),
         certificates=certificates,
         gaps=gaps,
@@ -223,8 +242,49 @@ def read_motion(sources: Sources) -> Motion | None:
             "with_status": int(np.count_nonzero(proved)),
             "without_status": int(np.count_nonzero(~proved)),
         },
-        moments=moments(active, rows, series.v, series.margin, unit, description),
+        moments=moments(active, rows, series.v, series.margin, units, description, apart),
     )
+
+
+def _follow(
+    sources: Sources, active: Any, every: int, description: RobotDescription, gaps: list[str]
+) -> dict[str, Any]:
+    """Attributes of a Motion: the shown point, its path, sole and target; gaps are added."""
+    settings, log = sources.settings("controller"), sources.controller
+    parameters = _parameters(settings)
+    point, frame, fixed = _goal(settings.get("controller"), parameters, description)
+    task = None
+    if fixed is None and log is not None:
+        task = find_position_task(parameters, description, point, frame)
+    if task is not None:
+        point, frame = task.point, task.frame
+    path = point_path(np.asarray(active[::every]["q"], float), description, point, frame)
+    target = None if fixed is None else np.broadcast_to(fixed, path.shape)
+    if task is not None and log is not None:
+        try:
+            target = target_path(task, log, active, every, description)
+        except UnverifiableError as error:
+            gaps.append(f"The target of {point} cannot be shown: {error}.")
+    soles = [np.array(each.polygon, float) for each in description.soles if each.frame == frame]
+    sole = soles[0] if soles and point == COM else None
+    if sole is None and description.soles and point == COM:
+        gaps.append(
+            f"The description of {description.name} has no sole in the frame {frame}: there is "
+            "no support polygon."
+        )
+    return {
+        "point": point,
+        "frame": frame,
+        "path_m": path,
+        "sole_m": sole,
+        "target_m": target,
+        "v_in_metres": fixed is not None,
+    }
+
+
+def _parameters(settings: dict[str, Any]) -> dict[str, Any]:
+    found = settings.get("parameters")
+    return found if isinstance(found, dict) else {}
 
 
 def _one_session(states: RowsAt, setpoints: RowsAt) -> tuple[RowsAt, RowsAt, list[str]]:

@@ -15,6 +15,10 @@ from hoap3.tools.picture.palette import LIGHT, SERIES
 ROUNDING = 1e-12  # of the greatest V: less is no rise
 PROPORTION = 1.7  # width to height of a pair of axes
 NAMED = 6  # joints that get a colour of their own
+NO_RATE = "The controller requires no rate of decrease of V (Ψ is never positive)"
+WHY_V_RISES = (
+    "V rises when the target moves away faster than the robot follows, or when limits hold joints"
+)
 COMMANDED = {"rad/s": "velocities", "rad/s²": "accelerations", "N m": "torques"}
 """Commands, by the unit of u."""
 
@@ -25,10 +29,13 @@ def motion_drawings(motion: Motion, robot: str | None = None) -> list[Drawing]:
     if motion.point == COM:
         drawings.append(_sole(motion))
     drawings.append(_close_up(motion))
+    if motion.target_moves:
+        drawings.append(_tracking(motion))
     if np.isfinite(motion.range_used).any():
         drawings.append(_positions(motion))
     if motion.has_certificates:
-        drawings += [_lyapunov(motion), _rate(motion)]
+        drawings.append(_lyapunov(motion))
+        drawings += [_rate(motion)] if motion.requires_decrease else []
     if len(motion.time_s):
         drawings += [_inputs(motion), _active(motion)]
     return drawings
@@ -61,9 +68,34 @@ def _close_up(motion: Motion) -> Drawing:
     title = f"Path of {what}, seen from above"
     if motion.target_m is not None:
         title = f"Path of {what} to the target, seen from above"
-        error = 1e3 * float(np.linalg.norm(motion.path_m[-1] - motion.target_m))
+        if motion.target_moves:
+            title = f"Paths of {what} and of its target, seen from above"
+        error = 1e3 * float(np.linalg.norm(motion.path_m[-1] - motion.target_m[-1]))
         figures += f" · to the target, in space, at the end {number(error)} mm"
     return Drawing("path", title, drawing.svg, _path_keys(motion), figures)
+
+
+def _tracking(motion: Motion) -> Drawing:
+    """The point and its target over time, axis by axis, both from where the target was first."""
+    target = np.empty((0, 3)) if motion.target_m is None else motion.target_m
+    first = motion.known_target_m[0]
+    with canvas("tracking") as drawing:
+        for axis, role in enumerate(SERIES[:3]):
+            point_mm = 1e3 * (motion.path_m[:, axis] - first[axis])
+            drawing.line(motion.path_time_s, point_mm, role, 2.6)
+            target_mm = 1e3 * (target[:, axis] - first[axis])
+            drawing.line(motion.path_time_s, target_mm, "red", 1.0, "--")
+        drawing.time(motion.duration_s, "position, from the first target [mm]")
+    error = summary(1e3 * np.linalg.norm(motion.path_m - target, axis=1))
+    what = "the centre of mass" if motion.point == COM else motion.point
+    keys = tuple(Key(role, f"{axis} of {what}") for role, axis in zip(SERIES, "xyz", strict=False))
+    return Drawing(
+        "tracking",
+        f"Position of {what} and its target, at most {number(error.get('max', np.nan))} mm apart",
+        drawing.svg,
+        (*keys, Key("red", "target of each", "dash")),
+        f"distance to the target: {spread(error, 'mm')}",
+    )
 
 
 def _positions(motion: Motion) -> Drawing:
@@ -107,6 +139,8 @@ def _lyapunov(motion: Motion) -> Drawing:
     if rises:
         title = f"V rises at {count(rises)} of {count(len(known))} answers"
     figures = f"{fallen} · {spread(summary(v), unit)}"
+    if not motion.requires_decrease:
+        figures += f" · {NO_RATE}; {WHY_V_RISES}" if rises else f" · {NO_RATE}"
     return Drawing("v", title, drawing.svg, (Key("blue", "V"),), figures)
 
 
@@ -185,10 +219,11 @@ def _draw_path(drawing: Canvas, motion: Motion, around: FloatArray | None = None
     axes.plot(*path_mm.T, color=LIGHT["blue"], linewidth=2.0)
     axes.plot(*path_mm[0], "o", color=LIGHT["blue"], markerfacecolor="none", markersize=8)
     axes.plot(*path_mm[-1], "o", color=LIGHT["blue"], markersize=6)
-    if motion.target_m is not None:
-        target = 1e3 * motion.target_m[:2]
+    target = 1e3 * motion.known_target_m[:, :2]
+    if len(target):
         shown = np.vstack([shown, target])
-        axes.plot(*target, "+", color=LIGHT["red"], markersize=14, markeredgewidth=1.6)
+        axes.plot(*target.T, color=LIGHT["red"], linewidth=1.0)
+        axes.plot(*target[-1], "+", color=LIGHT["red"], markersize=14, markeredgewidth=1.6)
     drawing.label("x [mm]", "y [mm]")
     low, high = shown.min(axis=0), shown.max(axis=0)
     middle, size = (low + high) / 2.0, high - low
@@ -200,7 +235,9 @@ def _draw_path(drawing: Canvas, motion: Motion, around: FloatArray | None = None
 
 def _path_keys(motion: Motion) -> tuple[Key, ...]:
     keys = (Key("blue", "path"), Key("blue", "start", "ring"), Key("blue", "end", "dot"))
-    return (*keys, Key("red", "target", "cross")) if motion.target_m is not None else keys
+    if motion.target_moves:
+        return (*keys, Key("red", "path of the target"), Key("red", "target at the end", "cross"))
+    return (*keys, Key("red", "target", "cross")) if len(motion.known_target_m) else keys
 
 
 def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:
@@ -218,11 +255,10 @@ def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:
 def _how_fast(motion: Motion, time: FloatArray, measured: FloatArray) -> str:
     """Compare the decrease of V in the median window with Ψ."""
     known = np.isfinite(motion.psi)
-    if not known.any():
-        return "Required decrease of V: not stated"
     asked = np.interp(time, motion.time_s[known], motion.psi[known])
     if not (asked > 0.0).any():
-        return "No decrease of V is required"
+        positive = count(int((motion.psi > 0.0).sum()))
+        return f"A decrease of V is required in {positive} of {count(int(known.sum()))} answers"
     share = float(np.median((measured / np.where(asked > 0.0, asked, np.nan))[asked > 0.0]))
     if share >= 0.95:
         return "V decreases at least as fast as required"
@@ -230,8 +266,8 @@ def _how_fast(motion: Motion, time: FloatArray, measured: FloatArray) -> str:
 
 
 def _unit(motion: Motion) -> str:
-    """Of V: that of a centre of mass, where its target is known."""
-    return "m²" if motion.target_m is not None else "unit²"
+    """Of V."""
+    return "m²" if motion.v_in_metres else "unit²"
 
 
 def _points(motion: Motion) -> str:

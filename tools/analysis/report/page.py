@@ -84,6 +84,7 @@ def page(content: Content) -> str:
         shares=_shares,
         certificate_rows=_certificates(content),
         event_rows=events,
+        interval_rows=_intervals(content),
         machines=[_machine_facts(content, log) for log in content.sources.logs],
     )
 
@@ -211,6 +212,22 @@ def _events(content: Content) -> list[Row]:
         at = seconds((item.stamp - motion.start_ns) / 1e9) if motion and timed else "–"
         what = [item.side, item.name, item.detail or "–"]
         rows.append([*what, count(item.times), item.tick, at])
+    return rows
+
+
+def _intervals(content: Content) -> list[Row]:
+    """When each condition held, the first of them."""
+    motion, rows = content.motion, list[Row]()
+    for item in (content.intervals or ())[:MOST]:
+        begin = end = duration = "–"
+        if motion is not None and motion.description is not None:
+            period_s = motion.description.period_s
+            begin, end = (
+                seconds((tick - motion.first_tick) * period_s) for tick in (item.begin, item.end)
+            )
+            duration = seconds(item.ticks * period_s)
+        end = "until the end of the log" if item.goes_on else end
+        rows.append([item.condition, item.begin, begin, end, duration])
     return rows
 
 

@@ -24,6 +24,7 @@ SIZE = (340.0, 340.0)  # px
 MARGIN = 14.0
 FACES = 500  # of the robot: a report stays small, whatever it shows
 TOUCHING_M = 0.005  # above the ground
+PLACES = {"start": "at its start", "worst": "at its worst tick", "end": "at its end"}
 _VIEW = Markup('<div class="view">{}<p><b>{}</b> · {} s, tick {}{}</p></div>')
 
 
@@ -63,9 +64,8 @@ def posture_views(motion: Motion, robot: str | None = None) -> list[Drawing]:
     if body.left_out:
         figures += f" · {count(body.left_out)} small shapes are left out"
     figures = " · ".join((figures, *notes))
-    title = "The robot at its start, at its worst tick and at its end"
-    if len(seen) < 3:
-        title = f"The robot at {len(seen)} of its ticks"
+    places = [PLACES[moment.name] for moment, *_ in seen]
+    title = f"The robot {' and '.join(filter(None, (', '.join(places[:-1]), places[-1])))}"
     shown = '<div class="views">{}</div>'
     return [Drawing("views", title, shown.format(views), _keys(seen), figures, wide=True)]
 
@@ -87,17 +87,23 @@ def _marks(
     motion: Motion, description: RobotDescription, moment: Moment, placement: Placement
 ) -> Marks:
     """What the motion is about, in the world of one moment."""
-    path = motion.path_m[motion.path_time_s <= moment.time_s + 0.5 * description.period_s]
-    path = path[(np.abs(path) < BEYOND).all(axis=1)]
-    place = placement.to_world(motion.frame, path)
-    target = motion.target_m
+    until = motion.path_time_s <= moment.time_s + 0.5 * description.period_s
+    place = placement.to_world(motion.frame, _drawable(motion.path_m[until]))
+    target = np.empty((0, 3)) if motion.target_m is None else _drawable(motion.target_m[until])
+    target = placement.to_world(motion.frame, target)
     return Marks(
         point=place[-1] if len(place) else None,
-        target=None if target is None else placement.to_world(motion.frame, target),
+        target=target[-1] if len(target) else None,
         path=place,
+        way=target if motion.target_moves else None,
         support=_support(motion, description, placement, free=len(moment.base) > 0),
         plumb=motion.point == COM,
     )
+
+
+def _drawable(path: FloatArray) -> FloatArray:
+    """Its points that can be drawn; not those of NaN."""
+    return path[(np.abs(path) < BEYOND).all(axis=1)]
 
 
 def _support(
@@ -132,6 +138,8 @@ def _keys(seen: Seen) -> tuple[Key, ...]:
         keys.append(Key("blue", "straight down", "dash"))
     if any(each.target is not None for each in marks):
         keys.append(Key("red", "target", "cross"))
+    if any(each.way is not None for each in marks):
+        keys.append(Key("red", "path of the target"))
     if any(each.support is not None for each in marks):
         keys.append(Key("green", "support polygon"))
     return tuple(keys)

@@ -18,7 +18,7 @@ import numpy as np
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.analysis.event_words import page_event
+from hoap3.tools.analysis.event_words import in_words, page_event
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.view.picture.frame import shares_of_limits
 
@@ -29,6 +29,7 @@ APART_S = 0.05  # between two ticks that are named
 LOOK_S = 0.3  # for which it waits where somebody looks for a place
 REST = 0.5  # time that others get, as a share of what a chunk took
 NEWS_S = 1.0  # until it first tells while it goes on; each time after twice as long as before
+_BEGAN, _ENDED = (Event.schema.constants[f"CONDITION_{each}"] for each in ("BEGAN", "ENDED"))
 _NONE = Setpoint.schema.constants["STATUS_NONE"]
 _CERTIFICATE = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "active_joints")
 
@@ -53,6 +54,7 @@ class Overview:
         self._events: list[dict[str, Any]] = []
         self._worst: list[tuple[float, float, str]] = []  # a heap: µs, time, what
         self._left_out = Counter[str]()
+        self._open: dict[int, float] = {}  # conditions that hold, by number: since when [s]
         self._missed = -1
         self._misses: list[tuple[float, str]] = []
         self._lock, self._closing = threading.Lock(), threading.Event()
@@ -121,6 +123,7 @@ class Overview:
                 if self._closing.wait(left_s):
                     return
         with self._lock:
+            self._note_open_conditions()
             self._note_left_out()
         self.done = True
         self.version += 1
@@ -201,6 +204,15 @@ class Overview:
                 self._misses.append((at, label))
         self._missed = int(missed[-1])
 
+    def _note_open_conditions(self) -> None:
+        """Add an event at the end for each condition whose end is not in the log."""
+        end_s, names = (self._log.end - self._zero) / 1e9, self._log.names("conditions")
+        for number, since_s in self._open.items():
+            what = in_words(_BEGAN, number, (), names)
+            held = f"since {since_s:.3f} s, for {end_s - since_s:.3f} s, until the end of the log"
+            label = f"condition holds: {what}, {held}"
+            self._events.append({"at_s": round(end_s, 6), "label": label, "severity": "info"})
+
     def _note_left_out(self) -> None:
         """Add an event at the end that counts what is not shown."""
         chunks = sum(place is None for _, place in self._log.unread)
@@ -237,11 +249,16 @@ class Overview:
         except WireError:
             self._left_out["messages"] += 1
             return
+        at_s, joints = (record.stamp - self._zero) / 1e9, self._log.description.joint_names
+        shown = page_event(event, at_s, joints, self._log.names("conditions"))
+        if event.kind == _BEGAN:
+            self._open[event.detail] = at_s
+        elif event.kind == _ENDED and event.detail in self._open:
+            shown["label"] += f", after {at_s - self._open.pop(event.detail):.3f} s"
         if len(self._events) >= EVENTS:
             self._left_out["events"] += 1
         else:
-            at_s, joints = (record.stamp - self._zero) / 1e9, self._log.description.joint_names
-            self._events.append(page_event(event, at_s, joints, self._log.names("conditions")))
+            self._events.append(shown)
 
 
 def _short(value: float) -> float:

@@ -30,16 +30,23 @@ function flat(color, opacity) {
   return new MeshBasicMaterial({ color, transparent: true, opacity, side: DoubleSide, depthWrite: false });
 }
 
-/** Three thin bars along x, y and z. */
-export function triad(length) {
+const DASHES = 5; // of a dashed bar
+const PALE = 0.5; // opacity of the axes of the robot's own frames, beside handles and targets
+
+/** Three thin bars along x, y and z; dashed or paler ones tell several triads apart. */
+export function triad(length, { dashed = false, opacity = 1 } = {}) {
   const axes = new Group();
+  const count = dashed ? DASHES : 1;
+  const dash = length / (2 * count - 1); // and gaps as long
   AXES.forEach((color, axis) => {
-    const bar = new Mesh(new CylinderGeometry(length / 28, length / 28, length, 8), inFront(color));
-    bar.geometry.translate(0, length / 2, 0); // three.js has cylinders along y
-    if (axis === 0) bar.rotation.z = -Math.PI / 2;
-    if (axis === 2) bar.rotation.x = Math.PI / 2;
-    bar.renderOrder = 2;
-    axes.add(bar);
+    for (let i = 0; i < count; i += 1) {
+      const bar = new Mesh(new CylinderGeometry(length / 28, length / 28, dash, 8), inFront(color, { opacity }));
+      bar.geometry.translate(0, (2 * i + 0.5) * dash, 0); // three.js has cylinders along y
+      if (axis === 0) bar.rotation.z = -Math.PI / 2;
+      if (axis === 2) bar.rotation.x = Math.PI / 2;
+      bar.renderOrder = 2;
+      axes.add(bar);
+    }
   });
   return axes;
 }
@@ -139,7 +146,7 @@ export class Overlays extends Group {
     const seen = new Set();
     for (const { name, pose } of frame.frames ?? []) {
       if (!this.frames.has(name)) {
-        this.frames.set(name, triad(0.16 * this.span));
+        this.frames.set(name, triad(0.16 * this.span, { opacity: PALE }));
         this.add(this.frames.get(name));
       }
       place(this.frames.get(name), pose);

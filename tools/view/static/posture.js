@@ -1,5 +1,6 @@
 // Sliders for a target that is joint positions: there is no one place of it where a handle could stand.
 
+import { gripped, moved } from "./grip.js";
 import { at, ignoreRestingTouch, make, write } from "./panels.js";
 
 const ENDS = ["pointerup", "pointercancel", "keyup", "blur"];
@@ -39,14 +40,21 @@ export class Posture {
     at("postures").append(...this.rows.map(({ row }) => row));
   }
 
+  /** Where it is from now on counts from here. */
+  grip(asked) {
+    this.start = gripped(this.shown, asked);
+  }
+
   get values() {
-    return this.rows.map(({ input }) => input.valueAsNumber);
+    const now = this.rows.map(({ input }) => input.valueAsNumber);
+    return moved(now, this.start);
   }
 
   /** @param {number[]|null} values */
   move(values) {
     this.known = Boolean(values);
     if (!values || this.dragged) return;
+    this.shown = values;
     this.rows.forEach(({ input, show, turns }, i) => {
       if (turns) [input.min, input.max] = [values[i] - Math.PI, values[i] + Math.PI];
       input.value = values[i];

@@ -10,8 +10,9 @@ import {
   Vector3,
 } from "./vendor.js";
 import { AXES, ORANGE, PURPLE } from "./colours.js";
+import { gripped, moved } from "./grip.js";
 import { triad } from "./overlays.js";
-import { at } from "./panels.js";
+import { at, write } from "./panels.js";
 import { Posture } from "./posture.js";
 import { discard } from "./robot.js";
 
@@ -32,6 +33,9 @@ const isPosture = ({ kind, joints }) => kind === "posture" && Boolean(joints?.le
 
 export const canMove = (told) => told.kind in KINDS || isPosture(told);
 
+/** Whether axes of its own show how it is turned. */
+const turns = ({ kind }) => Boolean(KINDS[kind]?.modes.includes("rotate"));
+
 /** One target: its marker follows the frames, or the hand that drags it. */
 class Target {
   constructor(told, robot, stage, size, hand) {
@@ -45,7 +49,7 @@ class Target {
     );
     gem.renderOrder = 5;
     this.marker.add(gem);
-    if (this.kind.modes.includes("rotate")) this.marker.add(triad(size));
+    if (turns(told)) this.marker.add(triad(1.5 * size, { dashed: true }));
     this.marker.visible = false;
     this.reference.add(this.marker);
     this.gizmos = this.kind.modes.map((mode) => {
@@ -63,8 +67,13 @@ class Target {
     });
   }
 
+  /** Where it is from now on counts from here. */
+  grip(asked) {
+    this.start = gripped(this.kind.of(this.marker), asked, this.kind.modes[0] === "translate" ? 3 : 0);
+  }
+
   get values() {
-    return this.kind.of(this.marker);
+    return moved(this.kind.of(this.marker), this.start);
   }
 
   /** @param {number[]|null} values */
@@ -106,7 +115,7 @@ export class Targets {
    * @param {import("./connection.js").Connection} connection
    */
   constructor(stage, connection) {
-    Object.assign(this, { stage, connection, all: [], dragged: null, armed: false, axes: "world" });
+    Object.assign(this, { stage, connection, all: [], asked: {}, dragged: null, armed: false, axes: "world" });
     const letGo = () => this.letGo();
     addEventListener("blur", letGo);
     document.addEventListener("visibilitychange", letGo);
@@ -127,12 +136,14 @@ export class Targets {
       if (isPosture(told)) return new Posture(told, joints, this);
       return canMove(told) ? new Target(told, robot, this.stage, size, this) : null;
     });
+    at("turned-key").hidden = !targets.some(turns);
     this.space(this.axes);
     this.arm(this.armed);
   }
 
   /** @param {object} frame */
   move(frame) {
+    this.asked = frame.asked ?? {};
     const changed = this.all.map((target, i) => {
       const was = target?.known;
       target?.move(frame.targets?.[i] ?? null);
@@ -146,6 +157,7 @@ export class Targets {
     this.armed = on;
     if (!on) this.letGo();
     for (const target of this.all) target?.arm(on);
+    this.#explain();
     at("move").hidden = !on || !at("postures").childElementCount;
     this.stage.change();
   }
@@ -153,7 +165,14 @@ export class Targets {
   /** @param {"world"|"local"} axes that the handles are along */
   space(axes) {
     this.axes = axes;
+    this.#explain();
     for (const target of this.all) target?.gizmos.forEach((gizmo) => gizmo.setSpace(axes));
+  }
+
+  /** In the legend: what the handles that are shown are along. */
+  #explain() {
+    at("handles-key").hidden = !this.armed || !this.all.some((target) => target?.gizmos.length);
+    write(at("handles-text"), `handles: ${this.axes === "world" ? "world" : "target"} axes`);
   }
 
   /** A gizmo is gripped or let go: one at a time, and the camera stands still meanwhile. */
@@ -165,6 +184,7 @@ export class Targets {
       each?.gizmos.forEach((other) => other !== gizmo && (other.enabled = !on && each.known && this.armed));
     }
     if (on) {
+      target.grip(this.asked[target.name]);
       this.dragged = { target, gizmo };
       this.sent_ms = -Infinity;
       this.late = false;

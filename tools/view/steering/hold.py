@@ -16,6 +16,7 @@ from hoap3.tools.view.picture.config_scene import Steered
 from hoap3.tools.view.picture.targets import present
 
 STEP_S = 1e-4  # of the difference that velocities of frames are taken from
+NEAR = 1e-3  # m or rad: what rests so near to where it was sent stays sent there
 
 
 def braking_distance(speed: float, acceleration: float, jerk: float) -> float:
@@ -32,6 +33,8 @@ def rest_of(
     target: Steered, state: State, poses: Poses, asked: Sequence[float] | None
 ) -> list[float] | None:
     """Numbers of a target at which the robot's reference comes to rest from where it is.
+
+    Those that rest where they were sent stay as they are, to the bit.
 
     Args:
         target: which.
@@ -57,12 +60,16 @@ def rest_of(
     ways = _ways(target, rates, 0)
     rest = [a + way for a, way in zip(here[:plain], ways, strict=True)]
     if asked is not None:
-        rest = [_between(r, a, b) for r, a, b in zip(rest, here, asked, strict=False)]
+        ahead = [_between(r, a, b) for r, a, b in zip(rest, here, asked, strict=False)]
+        rest = [b if abs(r - b) < NEAR else r for r, b in zip(ahead, asked, strict=False)]
     if turns is not None:
         now, then = np.array(here[turns:]), np.array(before[turns:])
         omega = rotation_vector(multiplied(now, conjugate(then))) / STEP_S
         turn = np.array(_ways(target, omega.tolist(), plain))
-        rest += multiplied(of_rotation_vector(turn), now).tolist()
+        then = multiplied(of_rotation_vector(turn), now)
+        sent = then if asked is None else np.array(asked[turns:])
+        away = float(np.linalg.norm(rotation_vector(multiplied(then, conjugate(sent)))))
+        rest += (sent if away < NEAR else then).tolist()
     return rest
 
 

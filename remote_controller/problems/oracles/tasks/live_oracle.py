@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, CubicSpline
 from scipy.spatial.transform import Rotation
 
+from hoap3.protocol.messages import Target as TargetMessage
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
     inverse_left,
@@ -56,6 +57,16 @@ class Taken:
     step_s: float
     points: Array
     rates: Array
+
+    @classmethod
+    def of(cls, payload: bytes, tick: int, period_s: float) -> Taken:
+        """A `Target` that was taken after the State of a tick."""
+        target = TargetMessage.like(payload)
+        target.load(payload)
+        rates = target.rates.reshape(target.points if target.rates.size else 1, -1).copy()
+        points = target.values.reshape(target.points, target.dimension).copy()
+        first, step = target.first_tick * period_s, target.tick_step * period_s
+        return cls(target.target, (tick + 1) * period_s, first, step, points, rates)
 
 
 class Messages:
@@ -206,7 +217,7 @@ class LiveTarget(Target):
 
     def _follow(self, taken: Taken) -> None:
         begin = max(taken.first_s, taken.now_s)
-        self._plans = [plan for plan in self._plans if plan[0] < taken.now_s]
+        self._plans = [plan for plan in self._plans if plan[0] < taken.now_s][-2:]
         plan = self._plan(begin, self._state(begin), taken)
         self._plans.append((begin, plan))
         home_s = taken.now_s + self._returns_after

@@ -27,7 +27,7 @@ def test_of_an_arm_the_tool_is_shown_and_no_sole(robot, config, tool, tmp_path):
     assert motion.point == tool
     assert motion.sole_m is None
     assert not any("sole" in gap for gap in motion.gaps)
-    error = np.linalg.norm(motion.path_m[[0, -1]] - motion.target_m, axis=1)
+    error = np.linalg.norm((motion.path_m - motion.target_m)[[0, -1]], axis=1)
     assert 0.0 < error[1] < error[0] < 0.2
     drawings = {drawing.name: drawing for drawing in motion_drawings(motion)}
     assert "sole" not in drawings

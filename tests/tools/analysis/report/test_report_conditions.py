@@ -15,7 +15,7 @@ from support.log_samples import MS, START, describe, fill, write
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.analysis.report.content import read_content
-from hoap3.tools.analysis.report.events import read_conditions
+from hoap3.tools.analysis.report.events import read_intervals, sum_up_conditions
 from hoap3.tools.analysis.report.page import page
 from hoap3.tools.logs.log import Log
 
@@ -67,13 +67,20 @@ def test_json_has_times_ticks_the_first_and_the_longest(content):
     ]
 
 
-def test_the_page_has_them_as_a_table_and_no_longer_as_events(content):
+def test_the_page_has_them_as_tables_with_begin_and_end_and_not_as_events(content):
     shown = Page(page(content))
     assert shown.rows("conditions") == [
         ["condition", "times", "ticks in all", "first tick", "longest"],
         ["slowed", "2", "5", "11", "3"],
         ["held by <zmp>", "1", "3", "15", "3"],
         ["infeasible_constraints", "1", "1", "12", "1"],
+    ]
+    assert shown.rows("conditions", 1) == [
+        ["condition", "begin (tick)", "begin [s]", "end [s]", "duration [s]"],
+        ["slowed", "11", "0.001", "0.004", "0.003"],
+        ["infeasible_constraints", "12", "0.002", "0.003", "0.001"],
+        ["held by <zmp>", "15", "0.005", "until the end of the log", "0.003"],
+        ["slowed", "15", "0.005", "0.007", "0.002"],
     ]
     assert "events" not in shown.sections()
 
@@ -91,8 +98,8 @@ def test_without_any_there_is_no_section(tmp_path, story):
 
 def test_those_of_another_session_do_not_count(tmp_path):
     log = Log.open(controllers_log(tmp_path, [{1}] * 4, session=9))
-    assert read_conditions(log, 8) == []
-    (found,) = read_conditions(log, 9)
+    assert read_intervals(log, 8) == []
+    (found,) = sum_up_conditions(read_intervals(log, 9))
     assert (found.condition, found.ticks) == ("infeasible_constraints", 4)
 
 
@@ -100,7 +107,8 @@ def test_those_of_another_session_do_not_count(tmp_path):
 @given(present=st.lists(st.sets(st.integers(0, 3)), min_size=1, max_size=30))
 def test_ticks_are_those_in_which_it_held(present, tmp_path_factory):
     log = Log.open(controllers_log(tmp_path_factory.mktemp("log"), present))
-    found = {each.condition: each for each in read_conditions(log)}
+    intervals = read_intervals(log)
+    found = {each.condition: each for each in sum_up_conditions(intervals)}
     for number, name in enumerate((*NAMES, "condition 3")):
         held = [number in each for each in present]
         assert (name in found) == any(held)
@@ -109,3 +117,8 @@ def test_ticks_are_those_in_which_it_held(present, tmp_path_factory):
             condition = found[name]
             assert (condition.times, condition.ticks) == (len(runs), sum(held))
             assert (condition.first_tick, condition.longest) == (10 + held.index(True), max(runs))
+            mine = [each for each in intervals if each.condition == name]
+            assert [each.ticks for each in mine] == runs
+            assert [each.goes_on for each in mine] == [False] * (len(runs) - 1) + [held[-1]]
+            ticks = {tick for each in mine for tick in range(each.begin, each.end)}
+            assert ticks == {10 + place for place, holds in enumerate(held) if holds}

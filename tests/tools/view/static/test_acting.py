@@ -114,6 +114,33 @@ def test_a_drag_sends_targets_and_letting_go_drops_them(page, view, name, select
     assert np.abs(np.delete(moved, 0)).max() < 1e-6
 
 
+@pytest.mark.parametrize("name", ["hand", "aside"])
+def test_numbers_that_are_not_dragged_stay_exactly_as_they_were_sent(steer, name):
+    """A robot at rest is a little beside its target, and frames are rounded."""
+    near = np.array([4e-4, -2e-5, 1.23456789e-5])
+    asked = [*(np.array([0.3, 0.1, 0.5]) + near).tolist()]
+    if name == "hand":  # the other quaternion of the same orientation
+        asked = [*(np.array(STILL[3][:3]) + near).tolist(), *(-each for each in STILL[3][3:])]
+    with made_up_view(frames=partial(still, asked={name: asked})) as view:
+        page = steer(view)
+        grab(page, name)
+        page.mouse.up()
+        wait_for(page, view, "drop")
+        sent = np.array([do["values"] for _, do in targets(view)])
+        assert abs(sent[-1][0] - asked[0]) > 0.01
+        assert sent[:, 1:].tolist() == [asked[1:]] * len(sent)
+
+
+def test_a_drag_begins_where_the_robot_is_if_that_is_far_from_what_was_sent(steer):
+    asked = {"aside": [0.3, 0.2, 0.5]}
+    with made_up_view(frames=partial(still, asked=asked)) as view:
+        page = steer(view)
+        grab(page, "aside")
+        page.mouse.up()
+        wait_for(page, view, "drop")
+        assert {tuple(do["values"][1:]) for _, do in targets(view)} == {(0.1, 0.5)}
+
+
 @pytest.mark.long  # it needs the machine for itself
 def test_a_page_that_steers_says_40_times_a_second_that_it_lives(steer):
     with made_up_view() as view:

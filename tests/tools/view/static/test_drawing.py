@@ -104,6 +104,7 @@ def test_state_is_told_in_words(open_page):
 
 def test_the_legend_lists_what_the_robot_has(open_page):
     bare = {"com": None, "zmp": None, "polygon": [], "contacts": [], "targets": []}
+    bare["frames"] = []
     with made_up_view(frames=lambda tick: frame(tick, **bare), targets=[], soles=[]) as view:
         page = open_page(view)
         page.wait_for_selector("#tick:not(:has-text('…'))")
@@ -111,7 +112,9 @@ def test_the_legend_lists_what_the_robot_has(open_page):
     with made_up_view() as view:
         page = open_page(view)
         page.wait_for_selector("#key [data-of=zmp]:visible")
-        assert page.locator("#key [data-of]:visible").count() == 5
+        assert page.locator("#key [data-of]:visible").count() == 6
+        assert page.is_visible("#turned-key")  # a target has axes of its own
+        assert page.is_hidden("#handles-key")  # nobody steers
 
 
 def test_plots_of_the_certificate_are_folded(open_page):
