@@ -33,6 +33,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve
 from hoap3.tools.analysis.output import Meter, print_line, watch_compilation
 from hoap3.tools.analysis.result_folder import new_name, remove_if_empty
+from hoap3.tools.analysis.summary import show_next_of_service
 from hoap3.tools.analysis.verdicts import failed, judge_run
 from hoap3.tools.logs.log_format import SIDES, file_name
 from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of
@@ -271,7 +272,7 @@ def run_controller(
                 loop.run(service.duration_s)
         except Hoap3Error as error:
             return voice.fail(error)
-        voice.result(f"log: {folder or 'none'}")
+        voice.end(folder)
     return 1 if observer.lost or observer.unserved else 0
 
 
@@ -410,12 +411,14 @@ class StatusReporter:
             self._compiled = True
             self._lines.write(*OF_NEWS["compiling"], COMPILING)
 
-    def result(self, text: str) -> None:
-        """Report what the service leaves; to people on standard output."""
+    def end(self, folder: Path | None) -> None:
+        """Report the folder of a controller's log; to people on standard output."""
+        text = f"log: {folder or 'none'}"
         if self._sender is not None or self._lines is not None:
             self.say(Routine(text))
         else:
             print_line(text)
+            show_next_of_service(folder, side="controller")
 
     def lost(self, text: str) -> None:
         """Report that the log or the metrics of this service are lost."""

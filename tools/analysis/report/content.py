@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import State
 from hoap3.tools.analysis.canvas import Drawing
 from hoap3.tools.analysis.certificates import Certificates
 from hoap3.tools.analysis.report.certificate_plots import certificate_drawings
@@ -203,6 +204,8 @@ def read_content(
         gaps = list(sources.gaps)
         motion = _motion(sources, gaps)
         ticks = _ticks(sources, gaps)
+        if ticks is not None:
+            gaps += _other_controllers(sources)
         if sources.lockstep:
             gaps.append(
                 "All time of this run is virtual (lockstep): there are no durations, and so no "
@@ -276,6 +279,23 @@ def _ticks(sources: Sources, gaps: list[str]) -> TickTable | None:
     if ticks is not None:
         gaps += _doubts(sources, ticks)
     return ticks
+
+
+def _other_controllers(sources: Sources) -> list[str]:
+    """Ticks for which the robot followed a controller whose log is not part of the report."""
+    robot, controller = sources.robot, sources.controller
+    if robot is None or controller is None or controller.missing:
+        return []
+    states, answers = robot.states(), controller.setpoints()
+    session = states["session_id"][-1]
+    ours = (states["session_id"] == session) & (states["mode"] == State.ACTIVE)
+    followed, sent = states["epoch"][ours], answers["epoch"][answers["session_id"] == session]
+    others = int(np.count_nonzero(~np.isin(followed, sent)))
+    if not others or not len(sent):
+        return []
+    part = f"in {others} of {len(followed)} ticks, and its log is not part of this report"
+    judged = "Deadlines are those of all ticks; the task is judged by the controller that is named."
+    return [f"The robot followed another controller {part}. {judged}"]
 
 
 def _doubts(sources: Sources, ticks: TickTable) -> list[str]:
