@@ -191,7 +191,7 @@ def show_next(summary: dict[str, Any], *, own_code: bool) -> None:
         own_code: the controller is the user's code, which is imported on request only.
     """
     log, lead = summary["log"], "next:"
-    if summary.get("safe_stops"):
+    if summary.get("safe_stops") and "lockstep" not in summary:
         print_note("next:  hoap3 run --lockstep    in virtual time, where each answer is in time")
         print_note("       hoap3 doctor            what this machine lacks for real time")
         print_note("       hoap3 recover NAME      for a robot that runs as a service: move again")

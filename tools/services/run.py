@@ -200,6 +200,8 @@ def run_lockstep(
         began = time.monotonic()
         lockstep.run(duration, should_stop or (lambda: False), report)
         wall = time.monotonic() - began
+        if lockstep.controller_loop.not_finite:
+            to_people(lockstep.controller_loop.not_finite)
     except Hoap3Error:
         refused = True
         raise
