@@ -186,6 +186,7 @@ def run_lockstep(
             lockstep=True,
             status_fd=silence.fileno(),
             report=to_people,
+            file=files[side == "controller"],
         )
         observers[side] = observer
         return BlockingRecorder(observer.ring, observer.alive)

@@ -46,7 +46,7 @@ from hoap3.tools.machine.processes import (
     run_program,
     to_people,
 )
-from hoap3.tools.services.configs import load_emulator_config
+from hoap3.tools.services.configs import config_name, load_emulator_config
 from hoap3.tools.services.messages import (
     Config,
     MessageSender,
@@ -132,9 +132,12 @@ def observer_for(
     lockstep: bool,
     status_fd: int | None,
     report: Callable[[str], None],
+    file: str = "",
     notify: NotifySettings | None = None,
 ) -> ObserverHandle:
     """The observer of a service; `report` is called, in a thread, when the log is lost.
+
+    `file` is where the config was read; the log has its name.
 
     Raises:
         NotInstalledError: metrics could not be served.
@@ -154,7 +157,11 @@ def observer_for(
         metadata={
             "versions": software(),
             "machine": {key: json.dumps(value) for key, value in machine_block().items()},
-            "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
+            "run": {
+                "seed": str(getattr(config, "seed", "")),
+                "lockstep": str(lockstep).lower(),
+                "config": config_name(file),
+            },
         },
         cap_bytes=log.cap_mb * 1_000_000,
         file_bytes=log.file_mb * 1_000_000,
@@ -334,6 +341,7 @@ def _observed(
             lockstep=lockstep,
             status_fd=None if fds is None else fds[1],
             report=voice.lost,
+            file=service.file,
             notify=notify,
         )
         if fds is not None:

@@ -109,6 +109,12 @@ class Content:
         return name if isinstance(name, str) else "a controller that is not in the log"
 
     @property
+    def config(self) -> str:
+        """Name of the controller's config, "" where it is not in the log."""
+        log = self.sources.controller
+        return log.metadata.get("run", {}).get("config", "") if log is not None else ""
+
+    @property
     def duration_s(self) -> float | None:
         """Of the motion, or None."""
         return self.motion.duration_s if self.motion else None
@@ -153,6 +159,7 @@ class Content:
             **self.judged,
             "robot": self.robot,
             "controller": self.controller,
+            "config": self.config,
             "duration_s": self.duration_s,
             "answers": self.motion.answers if self.motion else None,
             "transport": self.transport,
