@@ -19,7 +19,7 @@ from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
 from hoap3.remote_controller.claim import Claim
-from hoap3.remote_controller.controllers.base import Controller
+from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.steering import Steering
 
@@ -96,6 +96,8 @@ class ControllerLoop:
         rejected_events, foreign_events: counts of Events: malformed, of another session.
         summary: what the answers came to, as `Outcome.as_json` has it; None before the first
             `sum_up`.
+        not_finite: the first answer with NaN or infinity that is no refusal, and the remedy, as
+            text; "" where there was none.
     """
 
     def __init__(
@@ -131,6 +133,7 @@ class ControllerLoop:
         self._summed_up = self._outcome.answers  # at the last `sum_up`
         self._noted = 0  # answers
         self.summary: dict[str, Any] | None = None
+        self.not_finite = ""
 
     def begin(self, description: RobotDescription, *, lockstep: bool) -> None:
         """Record what everything after this belongs to."""
@@ -268,8 +271,22 @@ class ControllerLoop:
         self._sent_previous = self._clock.now()
         if self.answered != self._noted:
             self._noted = self.answered
-            self._outcome.note(self._state, self._controller.command)
+            command = self._controller.command
+            self._outcome.note(self._state, command)
+            if not (self.not_finite or all(map(isfinite, command.values.tolist()))):
+                self._describe_not_finite(command)
         self._record()
+
+    def _describe_not_finite(self, command: Setpoint) -> None:
+        if command.solver_status == STATUS["infeasible"]:  # `refuse`: the controller means it
+            return
+        names, values = self._controller.description.joint_names, command.values.tolist()
+        place = next(i for i, value in enumerate(values) if not isfinite(value))
+        self.not_finite = (
+            f"controller {type(self._controller).__name__}, tick {command.tick}: values[{place}] "
+            f"({names[place]}) is {values[place]}, and the robot rejects such an answer like a "
+            "missing one. Compute finite values; `hoap3 replay LOG --allow-code` repeats the tick"
+        )
 
     def receive_event(self, payload: bytes) -> None:
         """Take an Event of the robot, and record that setpoints conflict, or that it stops.

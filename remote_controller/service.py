@@ -481,6 +481,7 @@ class Service:
                 if request is not None:
                     serve(request, loop, self._about)
                     watch.reset()
+                self._report_not_finite(loop)
                 if loop.steered:
                     self._hear_senders(link, loop)
                 if loop.stale:
@@ -503,6 +504,10 @@ class Service:
             self._report(Routine(str(loop.steering)))
         if ignored := loop.ignored():
             self._report(f"ignored messages: {ignored}")
+
+    def _report_not_finite(self, loop: ControllerLoop) -> None:
+        if loop.not_finite:
+            self._tell_once("not finite", loop.not_finite)
 
     def _hear_senders(self, link: Link, loop: ControllerLoop) -> None:
         """Take a Target, and note an operator that vanished; one for each State, as above."""

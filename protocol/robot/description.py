@@ -173,6 +173,12 @@ class RobotDescription(Part):
         return tuple(joint.name for joint in self.joints)
 
     @cached_property
+    def joint_units(self) -> tuple[str, ...]:
+        """Units of the joint positions in wire order: "m" of prismatic joints, else "rad"."""
+        kinds = (self.structure.movable[name].kind for name in self.joint_names)
+        return tuple("m" if kind == "prismatic" else "rad" for kind in kinds)
+
+    @cached_property
     def initial_position(self) -> Vector:
         """Joint positions of the initial posture, (n,) [rad]."""
         return _read_only(self.postures[self.initial_posture])

@@ -60,6 +60,7 @@ class Constraint:
             outside. inf for what is switched off. Constraints on the velocity alone, and
             equations, have none.
         margin_unit: of the margins; "" where nobody says.
+        margin_units: of each margin, where they differ; else empty.
         margin_names: what each margin is of.
         least, greatest: (n,) positions that it keeps [rad or m]; None where it keeps none.
         speed_max, acceleration_max, torque_max: (n,) what it leaves of the joints' speeds,
@@ -99,6 +100,7 @@ class Constraint:
         self.names: tuple[str, ...] = ()
         self.margins: FloatArray = np.zeros(0)
         self.margin_names: tuple[str, ...] = ()
+        self.margin_units: tuple[str, ...] = ()
         self.reach, self.sharpness = 0.0, 0.0
         self.least: FloatArray | None = None
         self.greatest: FloatArray | None = None
@@ -213,6 +215,11 @@ class Constraint:
     def tightest(self) -> str:
         """What has the smallest margin; "" where there is none."""
         return self.margin_names[int(self.margins.argmin())] if self.margins.size else ""
+
+    def tightest_unit(self) -> str:
+        """The unit of the smallest margin; "" where it is not known."""
+        units = self.margin_units
+        return units[int(self.margins.argmin())] if units else self.margin_unit
 
     def watch(self, least: float | None = None) -> None:
         """Count where the margins of this update lie outside; `update` or `bounds` calls it.

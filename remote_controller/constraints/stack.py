@@ -56,7 +56,7 @@ class Stack:
         least = self.margin()
         for label, constraint in zip(self.labels, self.constraints, strict=True):
             if constraint.margins.size and constraint.margin() == least:
-                return f"{label}: {constraint.tightest()}", constraint.margin_unit
+                return f"{label}: {constraint.tightest()}", constraint.tightest_unit()
         return "", ""
 
     def events(self) -> dict[str, int]:

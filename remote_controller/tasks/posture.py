@@ -92,12 +92,11 @@ class PostureTask(Task):
         if aim is None:
             point = Approach(Point(target), parameters.approach_s)
             return TaskFunction(task, point, parameters.weights)
-        names = [robot.joint_names[i] for i in joints]
+        names, units = ([of[i] for i in joints] for of in (robot.joint_names, robot.joint_units))
         if isinstance(aim, LivePostureSettings):
-            steered = aim.build(robot.lower[joints], robot.upper[joints], names)
+            steered = aim.build(robot.lower[joints], robot.upper[joints], names, units)
             return TaskFunction(task, steered, parameters.weights)
         path = aim.posture(context.folder, robot, joints)
-        units = ["m" if slides else "rad" for slides in task.prismatic]
         tolerances = aim.tolerances(path, names, units)
         return TaskFunction(task, path, parameters.weights, tolerances)
 

@@ -352,3 +352,35 @@ def test_a_controller_that_changes_the_state_is_refused_at_once(field):
     loop.grant(1)
     with pytest.raises(UsageError, match=r"Intruder\.step"):
         loop.answer(bench.clock.now(), bench.state(5))
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_the_first_answer_that_is_not_finite_is_described(value):
+    class Broken(Wanderer):
+        def step(self, state: State) -> Setpoint:
+            super().step(state)
+            if state.tick > 5:
+                self.command.values[1:] = value
+            return self.command
+
+    bench = Bench()
+    bench.loop = ControllerLoop(Broken(bench.clock), bench.clock, bench.recorder, SESSION)
+    bench.loop.grant(1)
+    bench.answer(bench.state(5))
+    assert bench.loop.not_finite == ""
+    for tick in (6, 7):
+        bench.answer(bench.state(tick))
+        for words in ("Broken", "tick 6", "values[1]", arm().joint_names[1], str(value)):
+            assert words in bench.loop.not_finite
+
+
+def test_a_refusal_is_no_mistake_of_the_controller():
+    class Refusing(Wanderer):
+        def step(self, state: State) -> Setpoint:
+            return self.refuse(0)
+
+    bench = Bench()
+    bench.loop = ControllerLoop(Refusing(bench.clock), bench.clock, bench.recorder, SESSION)
+    bench.loop.grant(1)
+    assert np.isnan(bench.setpoint(bench.state(5)).values).all()
+    assert bench.loop.not_finite == ""

@@ -281,6 +281,11 @@ def test_each_task_says_what_its_messages_hold(level, kind, parameters, layout, 
     assert len(told["speed"]) == rates
 
 
+def test_a_posture_has_the_unit_of_its_joints():
+    (live,) = built("posture", "velocity", target=LIVE)
+    assert live.as_json()["unit"] == "rad"
+
+
 def test_a_wrench_says_its_directions_and_keeps_its_own_bounds():
     axes = {"axes": ["z", "rx"], "wrench": [10.0, 0.0], "sensor": "ee", "frame": "ee"}
     (live,) = built("wrench", "acceleration", **axes, wrench_target={**LIVE, "rate_n_s": 5.0})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from rich.live import Live
@@ -190,7 +191,7 @@ def show_next(summary: dict[str, Any], *, own_code: bool) -> None:
         own_code: the controller is the user's code, which is imported on request only.
     """
     log, lead = summary["log"], "next:"
-    if summary.get("safe_stops"):
+    if summary.get("safe_stops") and "lockstep" not in summary:
         print_note("next:  hoap3 run --lockstep    in virtual time, where each answer is in time")
         print_note("       hoap3 doctor            what this machine lacks for real time")
         print_note("       hoap3 recover NAME      for a robot that runs as a service: move again")
@@ -202,6 +203,18 @@ def show_next(summary: dict[str, Any], *, own_code: bool) -> None:
     code = " --allow-code" if own_code else ""
     print_note(f"       hoap3 replay {folder}{code}     repeat it, and compare every setpoint")
     print_note(f"       hoap3 export {folder} --to run.csv")
+
+
+def show_next_of_service(folder: Path | None, *, side: str) -> None:
+    """Print how a report is written of the log of one service, and of both."""
+    if folder is None:
+        return
+    own = shlex.quote(str(folder))
+    if side == "robot":
+        print_note(f"next:  hoap3 report {own}     deadlines, motion and limits")
+        print_note(f"       hoap3 report {own} CONTROLLER_LOG     also the task, with both logs")
+    else:
+        print_note(f"next:  hoap3 report ROBOT_LOG {own}     with the folder of the robot's log")
 
 
 def coloured_verdict(verdict: str, words: str = "") -> str:

@@ -170,7 +170,7 @@ def emulator(
     ] = False,
 ) -> None:
     """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
-    from hoap3.tools.analysis.summary import show_summary
+    from hoap3.tools.analysis.summary import show_next_of_service, show_summary
     from hoap3.tools.services.configs import load_emulator_config
     from hoap3.tools.services.messages import ServiceConfig
     from hoap3.tools.services.services import run_emulator
@@ -187,6 +187,7 @@ def emulator(
         print_json(summary)
     elif summary is not None and settings.log.json_lines is None:
         show_summary(summary)
+        show_next_of_service(summary["log"], side="robot")
     raise typer.Exit(code)
 
 

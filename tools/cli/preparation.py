@@ -67,8 +67,8 @@ def import_robot(
             }
         )
         return
-    for note in robot.notes:
-        print_note(str(note))
+    for note in notes:
+        print_note(note)
     print_line(f"{robot.file.name}: {robot.description.n} joints, {len(written)} files in {folder}")
     path = folder if folder.is_absolute() else f"./{folder}"  # a bare name would come first
     print_note(f"next:  hoap3 robot check {path}")

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated, Any
 
 import typer
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.tools.analysis.output import print_json, print_line, print_note
-from hoap3.tools.cli.options import Connect, Secure, reached
+from hoap3.tools.analysis.output import print_json, print_line, print_note, print_result
+from hoap3.tools.cli.options import AsJson, Connect, Secure, reached
 from hoap3.tools.machine.processes import one_line, to_people
+
+RESUME_S = 2.0  # a controller that waits asks for authority five times a second
+LOOK_S = 0.1
 
 
 def show_answers(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
@@ -20,6 +25,8 @@ def show_answers(robot: str | None, verb: str, connect: str | None, as_json: boo
 
     answers, failures = ask_robots(robot, verb, connect)
     several = len(answers) + len(failures) > 1
+    if answers[0].get("recovered"):
+        answers[0] |= _await_controller(answers[0], connect)
     if verb == "status":
         answers = [
             {**answer, "tasks": None if several else _tasks(answer, connect)} for answer in answers
@@ -43,6 +50,18 @@ def show_answers(robot: str | None, verb: str, connect: str | None, as_json: boo
         to_people(f"error: {failure}")
     if failed or failures:
         raise typer.Exit(1)
+
+
+def _await_controller(answer: dict[str, Any], connect: str | None) -> dict[str, Any]:
+    """The status of a recovered robot once its controller moves it, or after `RESUME_S`."""
+    from hoap3.tools.services.find_robot import ask_robots
+
+    status, until = answer, time.monotonic() + RESUME_S
+    with suppress(Hoap3Error):
+        while status["mode"] == "idle" and time.monotonic() < until:
+            time.sleep(LOOK_S)
+            status = ask_robots(answer["robot"], "status", connect)[0][0]
+    return status
 
 
 def _show_answer(answer: dict[str, Any], connect: str | None, *, place: bool) -> None:
@@ -103,7 +122,7 @@ def change(
         list[str] | None,
         typer.Argument(
             help="KEY=VALUE of numbers that may change, such as gamma=0.8 over_s=1; or one JSON "
-            "object. Default: only show."
+            "object. Default: show the present values."
         ),
     ] = None,
     robot: Annotated[
@@ -112,19 +131,23 @@ def change(
     ] = None,
     connect: Connect = None,
     secure: Secure = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Change something in a controller that runs; its log has it, and a replay repeats it."""
+    """Change gains, limits, weights or priorities of a running controller; recorded in its log."""
     from hoap3.tools.services import sent
     from hoap3.tools.services.client import tool_client
     from hoap3.tools.services.find_robot import reach_robot
 
     content = _content(request or [])
     with tool_client(*reach_robot(robot, reached(connect, secure))) as client:
+        before = client.control("show")
         if content is None:
-            print_json(client.control("show"))
-        else:
-            print_json(client.control("change", sent.request(content, {})))
-            print_note("accepted; shown are the values at the start of the transition")
+            print_json(before)
+            return
+        answer = client.control("change", sent.request(content, {}))
+    print_result(answer, sent.describe_change(content, before), as_json=as_json)
+    shown = "these are the values at the start of the transition; " if as_json else ""
+    print_note(f"accepted; {shown}`hoap3 change` shows the present values")
 
 
 def _content(given: Sequence[str]) -> dict[str, Any] | None:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import struct
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, product
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
@@ -417,7 +418,7 @@ def open_sides(*paths: Path) -> tuple[dict[str, Log], dict[str, str]]:
     Raises:
         LogError: there is no log that can be read, two of one side, or none of a common session.
     """
-    logs: dict[str, Log] = {}
+    opened: dict[str, list[Log]] = {}
     unreadable: dict[str, str] = {}
     last: LogError | None = None
     for path in paths:
@@ -431,23 +432,49 @@ def open_sides(*paths: Path) -> tuple[dict[str, Log], dict[str, str]]:
                 if any(path.glob(f"{side}*.mcap")):
                     unreadable[side] = str(error)
                 continue
-            if log.side in logs:
-                raise LogError(
-                    f"{path}: holds a second log of the {log.side}. Name one log of each side"
-                )
-            logs[log.side] = log
+            opened.setdefault(log.side, []).append(log)
+    if any(len(each) > 1 for each in opened.values()):
+        raise LogError(_several_logs(opened))
+    logs = {side: each[0] for side, each in opened.items()}
     if not logs and last is not None:
         for side, why in unreadable.items():
             raise LogError(f"The log of the {side} cannot be read: {why}")
         raise last
-    if len(paths) > 1 and len(logs) == len(SIDES):
-        sessions = [
-            {json.loads(each.payload).get("session_id") for each in log.records(Kind.SESSION)}
-            for log in logs.values()
-        ]
-        if not set.intersection(*sessions):
-            raise LogError(f"{paths[1]}: has no session in common with {paths[0]}")
+    if len(paths) > 1 and not _share_session(tuple(logs.values())):
+        raise LogError(f"{paths[1]}: has no session in common with {paths[0]}")
     return {side: logs[side] for side in SIDES if side in logs}, unreadable
+
+
+def _share_session(logs: Sequence[Log]) -> bool:
+    """Whether one session of the robot is in each of these logs; True for a single log."""
+    sessions = [
+        {json.loads(each.payload).get("session_id") for each in log.records(Kind.SESSION)}
+        for log in logs
+    ]
+    return len(logs) < 2 or bool(set.intersection(*sessions))
+
+
+def _several_logs(opened: Mapping[str, Sequence[Log]]) -> str:
+    """Which logs are of one side, as after a restart, and a command for each pair of a session."""
+    sides = [opened[side] for side in SIDES if side in opened]
+    several = max(sides, key=len)
+    names = " and ".join(map(_place, several))
+    commands = [
+        f"hoap3 report {shlex.join(map(_place, pair))} --out report_{number}.html"
+        for number, pair in enumerate(filter(_share_session, product(*sides)), 1)
+    ]
+    remedy = "Name one log of each side"
+    if commands:
+        remedy = f"Write one report each: {' and '.join(f'`{each}`' for each in commands)}"
+    return (
+        f"{names} are all logs of a {several[0].side}, and a report is of one log of each side. "
+        f"{remedy}"
+    )
+
+
+def _place(log: Log) -> str:
+    """The file of a log, or the folder of its files."""
+    return str(log.paths[0] if len(log.paths) == 1 else log.paths[0].parent)
 
 
 def payload_hash(log: Log) -> str:

@@ -14,11 +14,13 @@ from typing import Any
 from hoap3.protocol.config.settings import apply_overrides, parse
 from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.config import CONFIGS as CONTROLLER_CONFIGS
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.remote_controller.controllers.base import mismatch
 from hoap3.remote_controller.pairs import configs_for, robots_for
 from hoap3.remote_controller.registry import find
+from hoap3.robot_emulator.config import CONFIGS as EMULATOR_CONFIGS
 from hoap3.robot_emulator.config import EmulatorConfig, available_configs
 from hoap3.robot_emulator.config import read_config as read_emulator_config
 from hoap3.robot_emulator.robots import available as available_robots
@@ -91,6 +93,18 @@ def _read_emulator_content(source: str | Path | Mapping[str, Any]) -> tuple[dict
     if os.path.isdir(robot) or path.name == "robot.yaml" or is_source(robot):
         return {"robot": absolute(robot, Path())}, f"robot {robot}"
     return read_emulator_config(robot)
+
+
+def config_name(file: str) -> str:
+    """The name of a shipped config, or of the user's file; "" for settings without a file.
+
+    Args:
+        file: where a config was read, as the loaders here return it.
+    """
+    path = Path(file)
+    if path.suffix not in {".yaml", ".yml"}:
+        return ""
+    return path.stem if path.parent in {EMULATOR_CONFIGS, CONTROLLER_CONFIGS} else path.name
 
 
 def resolve_configs(

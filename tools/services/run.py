@@ -186,6 +186,7 @@ def run_lockstep(
             lockstep=True,
             status_fd=silence.fileno(),
             report=to_people,
+            file=files[side == "controller"],
         )
         observers[side] = observer
         return BlockingRecorder(observer.ring, observer.alive)
@@ -200,6 +201,8 @@ def run_lockstep(
         began = time.monotonic()
         lockstep.run(duration, should_stop or (lambda: False), report)
         wall = time.monotonic() - began
+        if lockstep.controller_loop.not_finite:
+            to_people(lockstep.controller_loop.not_finite)
     except Hoap3Error:
         refused = True
         raise

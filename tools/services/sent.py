@@ -1,11 +1,12 @@
-"""What a connection sends, checked before: changes, points, ticks."""
+"""What a connection sends, checked before: changes, which it also describes, points, ticks."""
 
 from __future__ import annotations
 
 import json
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,43 @@ def request(what: Any, more: Mapping[str, Any]) -> bytes:
     if len(body) > MAX_REQUEST_BYTES:
         raise UsageError(f"the change has {len(body)} bytes; a robot takes {MAX_REQUEST_BYTES}")
     return body
+
+
+def describe_change(content: Mapping[str, Any], before: Mapping[str, Any]) -> list[str]:
+    """Each value of a change as "gamma: 0.5 → 0.8"; without the old one where it is not known.
+
+    Args:
+        content: keys and their new values, nested or with dots.
+        before: what could be changed, with the values before the change.
+    """
+    lines = []
+    for path, new in _leaves(content):
+        key = ".".join(path)
+        places = (path, key.split("."), (path[0], *path))  # weights of tasks are a level deeper
+        found = (old for old in map(partial(_value_at, before), places) if old is not None)
+        old = next(found, None)
+        from_old = "" if old is None or isinstance(old, Mapping) else f"{_short(old)} → "
+        if key != "over_s":
+            lines.append(f"{key}: {from_old}{_short(new)}")
+    return lines
+
+
+def _leaves(content: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    if not isinstance(content, Mapping):
+        yield path, content
+        return
+    for key, value in content.items():
+        yield from _leaves(value, (*path, str(key)))
+
+
+def _value_at(content: Any, path: Sequence[str]) -> Any:
+    for key in path:
+        content = content.get(key) if isinstance(content, Mapping) else None
+    return content
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else json.dumps(value)
 
 
 def _plain(value: Any) -> Any:

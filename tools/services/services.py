@@ -33,6 +33,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve
 from hoap3.tools.analysis.output import Meter, print_line, watch_compilation
 from hoap3.tools.analysis.result_folder import new_name, remove_if_empty
+from hoap3.tools.analysis.summary import show_next_of_service
 from hoap3.tools.analysis.verdicts import failed, judge_run
 from hoap3.tools.logs.log_format import SIDES, file_name
 from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of
@@ -45,7 +46,7 @@ from hoap3.tools.machine.processes import (
     run_program,
     to_people,
 )
-from hoap3.tools.services.configs import load_emulator_config
+from hoap3.tools.services.configs import config_name, load_emulator_config
 from hoap3.tools.services.messages import (
     Config,
     MessageSender,
@@ -131,9 +132,12 @@ def observer_for(
     lockstep: bool,
     status_fd: int | None,
     report: Callable[[str], None],
+    file: str = "",
     notify: NotifySettings | None = None,
 ) -> ObserverHandle:
     """The observer of a service; `report` is called, in a thread, when the log is lost.
+
+    `file` is where the config was read; the log has its name.
 
     Raises:
         NotInstalledError: metrics could not be served.
@@ -153,7 +157,11 @@ def observer_for(
         metadata={
             "versions": software(),
             "machine": {key: json.dumps(value) for key, value in machine_block().items()},
-            "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
+            "run": {
+                "seed": str(getattr(config, "seed", "")),
+                "lockstep": str(lockstep).lower(),
+                "config": config_name(file),
+            },
         },
         cap_bytes=log.cap_mb * 1_000_000,
         file_bytes=log.file_mb * 1_000_000,
@@ -271,7 +279,7 @@ def run_controller(
                 loop.run(service.duration_s)
         except Hoap3Error as error:
             return voice.fail(error)
-        voice.result(f"log: {folder or 'none'}")
+        voice.end(folder)
     return 1 if observer.lost or observer.unserved else 0
 
 
@@ -333,6 +341,7 @@ def _observed(
             lockstep=lockstep,
             status_fd=None if fds is None else fds[1],
             report=voice.lost,
+            file=service.file,
             notify=notify,
         )
         if fds is not None:
@@ -410,12 +419,14 @@ class StatusReporter:
             self._compiled = True
             self._lines.write(*OF_NEWS["compiling"], COMPILING)
 
-    def result(self, text: str) -> None:
-        """Report what the service leaves; to people on standard output."""
+    def end(self, folder: Path | None) -> None:
+        """Report the folder of a controller's log; to people on standard output."""
+        text = f"log: {folder or 'none'}"
         if self._sender is not None or self._lines is not None:
             self.say(Routine(text))
         else:
             print_line(text)
+            show_next_of_service(folder, side="controller")
 
     def lost(self, text: str) -> None:
         """Report that the log or the metrics of this service are lost."""

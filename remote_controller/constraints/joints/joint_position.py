@@ -60,7 +60,6 @@ class JointPosition(Constraint):
 
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "invariant"
-    margin_unit = "rad or m"
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""

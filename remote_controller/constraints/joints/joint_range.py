@@ -15,7 +15,7 @@ class JointRange:
     """Usable ranges of some joints less a margin; gives a constraint two margins a joint.
 
     Args:
-        constraint: of a robot; its `margins` and `margin_names` are set.
+        constraint: of a robot; its `margins`, `margin_names` and `margin_units` are set.
         margin_rad: taken off both ends [rad or m].
         joints: names of those that are kept.
 
@@ -39,6 +39,7 @@ class JointRange:
                 raise ConfigError("", "margin_rad", margin_rad, problem, f"At most {width / 2}")
         constraint.least, constraint.greatest = self.least, self.greatest
         self._margins = constraint.margins = np.full(2 * n, np.inf)
+        constraint.margin_units = 2 * robot.joint_units
         constraint.margin_names = tuple(
             f"{name} {end}" for end in ("lower", "upper") for name in robot.joint_names
         )

@@ -50,7 +50,6 @@ class Viability(Constraint):
 
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "invariant"
-    margin_unit = "rad or m"
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""

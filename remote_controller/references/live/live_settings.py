@@ -144,10 +144,13 @@ class LivePostureSettings(SteeredSettings):
     acceleration_rad_s2: Positive = Field(2.0, description="likewise [rad/s² or m/s²]")
     jerk_rad_s3: Positive = Field(40.0, description="likewise [rad/s³ or m/s³]")
 
-    def build(self, lower: FloatArray, upper: FloatArray, names: Sequence[str]) -> Target:
-        """The target, of joints with these limits, (m,), and names."""
+    def build(
+        self, lower: FloatArray, upper: FloatArray, names: Sequence[str], units: Sequence[str]
+    ) -> Target:
+        """The target, of joints with these limits, (m,), names and units."""
+        unit = " or ".join(sorted(set(units), reverse=True))
         bounds = Bounds(self.speed_rad_s, self.acceleration_rad_s2, self.jerk_rad_s3)
-        return Live(self.name, "rad or m", bounds, lower, upper, *self._stale, layout=names)
+        return Live(self.name, unit, bounds, lower, upper, *self._stale, layout=names)
 
 
 class LiveWrenchSettings(SteeredSettings):

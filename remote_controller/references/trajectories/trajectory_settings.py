@@ -176,7 +176,9 @@ class TrajectorySettings(Settings):
         for row, i in np.argwhere(outside)[:1]:
             value = float(motion.positions[row, i])
             problem = "is outside the joint's range"
-            remedy = f"Keep to {lower[i]} … {upper[i]}, in rad or m; multiply degrees by pi/180"
+            unit = description.joint_units[joints[i]]
+            degrees = "" if unit == "m" else "; multiply degrees by pi/180"
+            remedy = f"Keep to {lower[i]} … {upper[i]} {unit}{degrees}"
             raise motion.refuse(row, motion.names[i], value, problem, remedy)
         speeds, most = mean_speeds(motion, self.time_scaling), description.velocity[joints]
         for row, i in np.argwhere(speeds > most)[:1]:

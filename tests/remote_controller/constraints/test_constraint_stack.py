@@ -7,10 +7,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from support.constraint_bench import PERIOD, Bench, entry, hoap3, small
+from support.log_samples import describe
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.protocol.messages import State
+from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.joints.joint_position import JointPosition
 from hoap3.remote_controller.constraints.registry import (
@@ -108,7 +110,16 @@ def test_the_smallest_margin_and_whose_it_is():
     bench = Bench(hoap3(), ALL[0], ALL[9]).at(q)
     assert bench.stack.margin() == pytest.approx(1e-6)
     assert bench.stack.tightest() == "joint_position: r_knee upper"
-    assert bench.stack.tightest_with_unit()[1] == "rad or m"
+    assert bench.stack.tightest_with_unit()[1] == "rad"
+
+
+@pytest.mark.parametrize("kind", ["joint_position", "viability"])
+def test_a_margin_has_the_unit_of_its_joint(kind):
+    text = describe(2).to_json().replace(b"revolute", b"prismatic", 1)
+    bench = Bench(RobotDescription.from_json(text), {"constraint": kind})
+    for joint, unit in ((0, "m"), (1, "rad")):
+        for end in (-1.8, 1.8):
+            assert bench.at(end * np.eye(2)[joint]).stack.tightest_with_unit()[1] == unit
 
 
 class Tightened(JointPosition):

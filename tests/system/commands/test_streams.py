@@ -91,7 +91,7 @@ LIVE: dict[str, tuple[object, ...]] = {
 }
 SERVICES = {"emulator", "controller"}
 ONE_FORM = {
-    *("change", "config show", "config check", "config schema", "export", "controller", "help"),
+    *("config show", "config check", "config schema", "export", "controller", "help"),
     "trajectory from",
 }
 """Commands without `--json`."""

@@ -48,7 +48,7 @@ def robot(at: str) -> Iterator[Command]:
 
 def change(request: object, at: str) -> Done:
     text = request if isinstance(request, str) else json.dumps(request)
-    return inside("change", text, "--connect", at)
+    return inside("change", text, "--connect", at, "--json")
 
 
 def test_a_change_is_followed_recorded_and_repeated(robot, at, tmp_path, monkeypatch):
@@ -88,6 +88,7 @@ def test_a_number_moves_and_the_log_is_true_of_it(robot, at, tmp_path):
         assert inside("change", "--connect", at).json()["gamma"] == 0.5
         done = inside("change", "gamma=0.8", "beta=20", "over_s=0.2", "--connect", at)
         assert done.code == 0
+        assert done.stdout.splitlines()[0] == "gamma: 0.5 → 0.8"
         deadline = time.monotonic() + 20.0
         while inside("change", "--connect", at).json()["gamma"] != 0.8:
             assert time.monotonic() < deadline
@@ -139,7 +140,7 @@ def arm_at() -> str:
 def change_priorities(arm_at: str, **what: object) -> Done:
     """Ask for a change; without any, only what there is."""
     words = [json.dumps(what)] if what else []
-    return inside("change", *words, "--robot", "lwr", "--connect", arm_at)
+    return inside("change", *words, "--robot", "lwr", "--connect", arm_at, "--json")
 
 
 def ticks_seen(arm_at: str) -> int:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import State
 from hoap3.tools.analysis.canvas import Drawing
 from hoap3.tools.analysis.certificates import Certificates
 from hoap3.tools.analysis.report.certificate_plots import certificate_drawings
@@ -120,6 +121,12 @@ class Content:
         return name if isinstance(name, str) else "a controller that is not in the log"
 
     @property
+    def config(self) -> str:
+        """Name of the controller's config, "" where it is not in the log."""
+        log = self.sources.controller
+        return log.metadata.get("run", {}).get("config", "") if log is not None else ""
+
+    @property
     def duration_s(self) -> float | None:
         """Of the motion, or None."""
         return self.motion.duration_s if self.motion else None
@@ -164,6 +171,7 @@ class Content:
             **self.judged,
             "robot": self.robot,
             "controller": self.controller,
+            "config": self.config,
             "duration_s": self.duration_s,
             "answers": self.motion.answers if self.motion else None,
             "transport": self.transport,
@@ -215,6 +223,8 @@ def read_content(
         gaps = list(sources.gaps)
         motion = _motion(sources, gaps)
         ticks = _ticks(sources, gaps)
+        if ticks is not None:
+            gaps += _other_controllers(sources)
         if sources.lockstep:
             gaps.append(
                 "All time of this run is virtual (lockstep): there are no durations, and so no "
@@ -288,6 +298,23 @@ def _ticks(sources: Sources, gaps: list[str]) -> TickTable | None:
     if ticks is not None:
         gaps += _doubts(sources, ticks)
     return ticks
+
+
+def _other_controllers(sources: Sources) -> list[str]:
+    """Ticks for which the robot followed a controller whose log is not part of the report."""
+    robot, controller = sources.robot, sources.controller
+    if robot is None or controller is None or controller.missing:
+        return []
+    states, answers = robot.states(), controller.setpoints()
+    session = states["session_id"][-1]
+    ours = (states["session_id"] == session) & (states["mode"] == State.ACTIVE)
+    followed, sent = states["epoch"][ours], answers["epoch"][answers["session_id"] == session]
+    others = int(np.count_nonzero(~np.isin(followed, sent)))
+    if not others or not len(sent):
+        return []
+    part = f"in {others} of {len(followed)} ticks, and its log is not part of this report"
+    judged = "Deadlines are those of all ticks; the task is judged by the controller that is named."
+    return [f"The robot followed another controller {part}. {judged}"]
 
 
 def _doubts(sources: Sources, ticks: TickTable) -> list[str]:

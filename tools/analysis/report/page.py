@@ -71,7 +71,7 @@ def page(content: Content) -> str:
     return PAGES.get_template("analysis/report/templates/page.html").render(
         given,
         kind="report",
-        title=f"{content.robot} · {content.controller}",
+        title=f"{content.robot} · {_config_and_controller(content)}",
         headline=headline(
             content.judged, content.checked.verdict, virtual=content.sources.lockstep
         ),
@@ -87,6 +87,12 @@ def page(content: Content) -> str:
         interval_rows=_intervals(content),
         machines=[_machine_facts(content, log) for log in content.sources.logs],
     )
+
+
+def _config_and_controller(content: Content) -> str:
+    """The config that was run and, where it has another name, the controller."""
+    config, controller = content.config, content.controller
+    return f"{config} ({controller})" if config not in {"", controller} else controller
 
 
 def headline(judged: Mapping[str, Any], verified: str, *, virtual: bool = False) -> str:

@@ -15,7 +15,7 @@ from support.tick_story import START as STORY_START
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import LogError, UsageError
-from hoap3.protocol.messages import Event, Setpoint
+from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.analysis.report.content import read_content
 from hoap3.tools.analysis.report.page import page, tiles, write_report
@@ -112,6 +112,24 @@ def test_a_safe_stop_is_told_before_anything_else(tmp_path):
     content = read_content(active_log(tmp_path, events=(stop,)))
     assert content.as_json()["safe_stops"] == 1
     assert content.tick_figures["verdicts"]["deadlines"] == "fail"
+
+
+def test_ticks_under_another_controller_are_counted(tmp_path):
+    robot, _ = Story(100).records()
+    _, controller = Story(60).records()
+    for place, record in enumerate(robot):
+        if record.kind == Kind.STATE:
+            state = State.like(record.payload)
+            state.load(record.payload)
+            state.epoch += state.tick >= 60
+            robot[place] = record._replace(payload=state.dump())
+    about = {"attachments": {"description.json": describe(1).to_json()}}
+    write(tmp_path / "robot.mcap", robot, **about)
+    write(tmp_path / "controller.mcap", controller, side="controller", **about)
+    assert "another controller in 40 of 100 ticks" in said(read_content(tmp_path, verify=False))
+    (tmp_path / "one").mkdir()
+    one = read_content(Story(60).write(tmp_path / "one"), verify=False)
+    assert "another controller" not in said(one)
 
 
 def test_a_robot_without_soles_has_a_path_and_no_polygon(tmp_path):

@@ -9,6 +9,12 @@ from support.html_page import Page
 
 from hoap3.tools.analysis.report.content import read_content
 from hoap3.tools.analysis.report.page import POLICY, SECTIONS, headline, page
+from hoap3.tools.services.configs import (
+    config_name,
+    load_controller_config,
+    load_emulator_config,
+)
+from hoap3.tools.services.run import run_lockstep
 
 MOTION = ["views", "sole", "path", "positions", "v", "psi", "u", "active"]
 CERTIFICATES = ["rho", "margin"]
@@ -55,6 +61,18 @@ def test_a_browser_is_told_to_load_nothing(shown):
     assert told.attributes["content"] == POLICY
     assert "default-src 'none'" in POLICY
     assert "script" not in POLICY
+
+
+def test_the_config_that_was_run_is_named_beside_its_controller(tmp_path):
+    (tmp_path / "mine.yaml").write_text("controller: qp12\n")
+    emulator, _ = load_emulator_config("hoap3", [])
+    controller, file = load_controller_config(tmp_path / "mine.yaml", [])
+    run_lockstep(emulator, controller, 0.02, tmp_path / "run", ("config", file))
+    content = read_content(tmp_path / "run", verify=False)
+    (title,) = Page(page(content)).root.all("h1")
+    assert title.text() == "hoap3 · mine.yaml (qp12)"
+    assert content.as_json()["config"] == "mine.yaml"
+    assert config_name(load_controller_config("qp12_bounded", [])[1]) == "qp12_bounded"
 
 
 def test_every_link_leads_to_one_place_of_the_page(shown):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -53,9 +54,20 @@ def test_without_verification_the_verdicts_are_the_same(lockstep: Any, tmp_path:
     assert any("--no-verify" in gap for gap in quick["gaps"])
 
 
-def test_two_logs_of_one_side_are_refused(sides: list[Path]):
-    with pytest.raises(LogError, match="robot"):
-        open_sides(sides[0], sides[0] / "robot.mcap")
+def test_logs_of_a_restarted_side_are_refused_with_the_reports_that_can_be_made(tmp_path: Path):
+    for folder, side in (("one", "robot"), ("two", "controller"), ("three", "controller")):
+        (tmp_path / folder).mkdir()
+        records = [*inputs(describe(3)), *ticks(3, 2)]
+        write(tmp_path / folder / f"{side}.mcap", records, side=side)
+    folders = [tmp_path / folder for folder in ("two", "three", "one")]
+    with pytest.raises(LogError) as refused:
+        open_sides(*folders)
+    commands = re.findall("`hoap3 report (.*?) --out", str(refused.value))
+    pairs = [[Path(each) for each in command.split()] for command in commands]
+    second, third, robot = (next(folder.iterdir()) for folder in folders)
+    assert pairs == [[robot, second], [robot, third]]
+    for pair in pairs:
+        assert len(open_sides(*pair)[0]) == 2
 
 
 def test_logs_of_two_sessions_are_refused(sides: list[Path], tmp_path: Path):
