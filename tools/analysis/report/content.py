@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ class Content:
         events: of both sides, each in order.
         intervals: in which conditions of the controller held; None without its log.
         gaps: what is missing, and why, in sentences.
-        robot_here: name or path of the robot on this machine, whose meshes are drawn.
+        drawings: figures by section.
     """
 
     sources: Sources
@@ -57,7 +57,7 @@ class Content:
     events: tuple[LogEvent, ...]
     intervals: tuple[Interval, ...] | None
     gaps: tuple[str, ...]
-    robot_here: str | None = None
+    drawings: Mapping[str, list[Drawing]]
 
     @cached_property
     def conditions(self) -> list[Condition] | None:
@@ -68,16 +68,6 @@ class Content:
     def warnings(self) -> list[str]:
         """What stands above everything else: false claims, then the gaps."""
         return [*self.checked.gaps, *self.gaps]
-
-    @cached_property
-    def drawings(self) -> dict[str, list[Drawing]]:
-        """Figures by section, rendered with the first access."""
-        motion, certificates, ticks = self.motion, self.certificates, self.ticks
-        return {
-            "motion": motion_drawings(motion, self.robot_here) if motion else [],
-            "certificates": certificate_drawings(certificates) if certificates else [],
-            "time": timing_drawings(ticks) if ticks else [],
-        }
 
     @property
     def certificates(self) -> Certificates | None:
@@ -214,41 +204,55 @@ def read_content(
     """
     with of_ours(paths[0]):
         sources = Sources.open(*paths, say=say)
+
+        @cache
+        def unchecked() -> Content:
+            return _unchecked(sources, robot)
+
+        if not verify:
+            return unchecked()
         logs = {log.side: log for log in sources.logs}
-        # first, so that the memory that it takes is free again when the page is drawn
-        if verify:
-            checked = check_logs(sources.path, logs, say, allow_code=allow_code)
-        else:
-            checked = skip(sources.controller)
-        gaps = list(sources.gaps)
-        motion = _motion(sources, gaps)
-        ticks = _ticks(sources, gaps)
-        if ticks is not None:
-            gaps += _other_controllers(sources)
-        if sources.lockstep:
-            gaps.append(
-                "All time of this run is virtual (lockstep): there are no durations, and so no "
-                "plots of them."
-            )
-        elif ticks is not None and ticks.stalls is None:
-            gaps.append(
-                "Nobody watched for stalls of the host, which needs real-time rights: all rates "
-                "are raw, and a stall counts like any other miss."
-            )
-        intervals = None
-        if sources.controller is not None:
-            session_id = motion.session_id if motion is not None else None
-            intervals = tuple(read_intervals(sources.controller, session_id))
-        return Content(
-            sources=sources,
-            motion=motion,
-            ticks=ticks,
-            checked=checked,
-            events=tuple(event for log in sources.logs for event in read_events(log)),
-            intervals=intervals,
-            gaps=tuple(gaps),
-            robot_here=robot,
+        options: dict[str, Any] = {"allow_code": allow_code, "meanwhile": unchecked}
+        checked = check_logs(sources.path, logs, say, **options)
+        return replace(unchecked(), checked=checked)
+
+
+def _unchecked(sources: Sources, robot: str | None) -> Content:
+    """Everything but the verification."""
+    gaps = list(sources.gaps)
+    motion = _motion(sources, gaps)
+    ticks = _ticks(sources, gaps)
+    if ticks is not None:
+        gaps += _other_controllers(sources)
+    if sources.lockstep:
+        gaps.append(
+            "All time of this run is virtual (lockstep): there are no durations, and so no "
+            "plots of them."
         )
+    elif ticks is not None and ticks.stalls is None:
+        gaps.append(
+            "Nobody watched for stalls of the host, which needs real-time rights: all rates "
+            "are raw, and a stall counts like any other miss."
+        )
+    intervals = None
+    if sources.controller is not None:
+        session_id = motion.session_id if motion is not None else None
+        intervals = tuple(read_intervals(sources.controller, session_id))
+    certificates = motion.certificates if motion is not None else None
+    return Content(
+        sources=sources,
+        motion=motion,
+        ticks=ticks,
+        checked=skip(sources.controller),
+        events=tuple(event for log in sources.logs for event in read_events(log)),
+        intervals=intervals,
+        gaps=tuple(gaps),
+        drawings={
+            "motion": motion_drawings(motion, robot) if motion else [],
+            "certificates": certificate_drawings(certificates) if certificates else [],
+            "time": timing_drawings(ticks) if ticks else [],
+        },
+    )
 
 
 def _motion(sources: Sources, gaps: list[str]) -> Motion | None:
