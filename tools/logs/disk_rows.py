@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import mmap
 import os
@@ -31,11 +32,22 @@ PART = 20_000
 """Rows that are processed together, where what is computed of each takes much memory."""
 MAX_PADDED = 8  # times the bytes of all messages, for a table with those of several layouts
 SLACK_BYTES = 1 << 26  # beyond that
+_M_MMAP_THRESHOLD = -3  # of <malloc.h>
 
 
 def parts(count: int) -> Iterator[slice]:
     """Of so many rows, `PART` at a time."""
     return (slice(begin, begin + PART) for begin in range(0, count, PART))
+
+
+def return_large_arrays() -> None:
+    """Have the C library return memory of 1 MB or more to the system as soon as it is freed.
+
+    By default glibc keeps arrays of up to 32 MB for later ones, which for columns of a long log
+    adds up to more than those in use.
+    """
+    with suppress(AttributeError):  # another C library
+        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, 1 << 20)
 
 
 def disk_array(shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
@@ -129,10 +141,12 @@ class DiskRows:
 
     def some(self, places: Places) -> Iterator[bytes]:
         """Messages by their places."""
-        ends, raw = self._ends[places], self.raw.data
-        begins = ends - self.sizes[places]
-        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
-            yield bytes(raw[begin:end])
+        every_end, sizes, raw = self._ends, self.sizes, self.raw.data
+        for part in parts(len(places)):
+            ends = every_end[places[part]]
+            begins = ends - sizes[places[part]]
+            for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+                yield bytes(raw[begin:end])
 
     def table(self, dtype: np.dtype[Any]) -> Table:
         """All of them as a structured array, (N,); it cannot be written to.
@@ -265,6 +279,7 @@ class DiskRecords:
     """
 
     def __init__(self, records: Iterable[Record], schemas: Mapping[Kind, Schema]) -> None:
+        return_large_arrays()
         self.tables = {kind: MessageTable(schema) for kind, schema in schemas.items()}
         self._others, stamps = DiskRows(), array("q")
         kinds, places = array("B"), array("q")  # a place below 0 is ~place in the others

@@ -202,12 +202,13 @@ def read_motion(sources: Sources) -> Motion | None:
     duration_s = (int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s
     certificates = None
     if proved.any():
+        of = slice(None) if proved.all() else proved  # without a copy where all are
         certificates = Certificates(
-            tick=series.tick[proved],
-            time_s=series.time_s[proved],
-            status=series.status[proved],
-            rho=series.rho[proved],
-            margin=series.margin[proved],
+            tick=series.tick[of],
+            time_s=series.time_s[of],
+            status=series.status[of],
+            rho=series.rho[of],
+            margin=series.margin[of],
             duration_s=duration_s,
         )
         certificates = _with_reasons(certificates, sources.controller, session_id)
@@ -364,20 +365,14 @@ def point_path(q: FloatArray, description: RobotDescription, point: str, frame: 
     Raises:
         LogError: Pinocchio cannot build the robot.
     """
-    from hoap3.remote_controller.model.kinematics import Kinematics
+    from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 
     try:
-        kinematics = Kinematics(description)
+        robot = Robot(description)
     except DescriptionError as error:
         raise LogError(f"the robot in the log cannot be built: {error}") from error
-    reference, n = kinematics.frame_id(frame), description.n
-    number = reference if point == COM else kinematics.frame_id(point)
-    path, jacobian = np.empty((len(q), 3)), np.empty((3, n))
-    rotation, twist = np.empty((3, 3)), np.empty((6, n))
+    path = np.empty((len(q), 3))
     for row, place in zip(q, path, strict=True):
-        kinematics.update(row)
-        if point == COM:
-            kinematics.com(reference, place, jacobian)
-        else:
-            kinematics.frame(number, reference, place, rotation, twist)
+        robot.place_only(row)
+        place[:] = robot.com_point(frame) if point == COM else robot.pose(point, frame)[0]
     return path
