@@ -54,7 +54,7 @@ class Overview:
         self._events: list[dict[str, Any]] = []
         self._worst: list[tuple[float, float, str]] = []  # a heap: µs, time, what
         self._left_out = Counter[str]()
-        self._open: dict[int, float] = {}  # conditions that hold, by number: since when [s]
+        self._open: dict[int, tuple[float, str]] = {}  # conditions that hold: since [s], name
         self._missed = -1
         self._misses: list[tuple[float, str]] = []
         self._lock, self._closing = threading.Lock(), threading.Event()
@@ -206,9 +206,8 @@ class Overview:
 
     def _note_open_conditions(self) -> None:
         """Add an event at the end for each condition whose end is not in the log."""
-        end_s, names = (self._log.end - self._zero) / 1e9, self._log.names("conditions")
-        for number, since_s in self._open.items():
-            what = in_words(_BEGAN, number, (), names)
+        end_s = (self._log.end - self._zero) / 1e9
+        for since_s, what in self._open.values():
             held = f"since {since_s:.3f} s, for {end_s - since_s:.3f} s, until the end of the log"
             label = f"condition holds: {what}, {held}"
             self._events.append({"at_s": round(end_s, 6), "label": label, "severity": "info"})
@@ -250,11 +249,12 @@ class Overview:
             self._left_out["messages"] += 1
             return
         at_s, joints = (record.stamp - self._zero) / 1e9, self._log.description.joint_names
-        shown = page_event(event, at_s, joints, self._log.names("conditions"))
+        names = self._log.names("conditions")
+        shown = page_event(event, at_s, joints, names)
         if event.kind == _BEGAN:
-            self._open[event.detail] = at_s
+            self._open[event.detail] = at_s, in_words(_BEGAN, event.detail, (), names)
         elif event.kind == _ENDED and event.detail in self._open:
-            shown["label"] += f", after {at_s - self._open.pop(event.detail):.3f} s"
+            shown["label"] += f", after {at_s - self._open.pop(event.detail)[0]:.3f} s"
         if len(self._events) >= EVENTS:
             self._left_out["events"] += 1
         else:
