@@ -55,7 +55,7 @@ def view(
     if note:
         print_note(note)
     if logs:
-        serve_log([*logs, *([second] if second else [])], host, port, robot, print_line)
+        serve_log([*logs, *([second] if second else [])], host, port, robot, _show_address)
         return
     if second is not None:
         raise typer.BadParameter("a second log goes with a log, not with a robot")
@@ -63,9 +63,14 @@ def view(
 
     name, endpoint = reach_robot(what, reached(connect, secure))
     serve_robot(
-        *(name, endpoint, host, port, robot, print_line),
+        *(name, endpoint, host, port, robot, _show_address),
         steering=not no_steering,
     )
+
+
+def _show_address(address: str) -> None:
+    print_line(address)
+    print_note("press Ctrl+C to end the page; a robot that runs is not affected")
 
 
 def is_log(what: str) -> bool:
