@@ -147,7 +147,7 @@ def kernel(
     return compiled
 
 
-class KernelLocator(UserProvidedCacheLocator):  # type: ignore[misc]
+class KernelLocator(UserProvidedCacheLocator):
     """Place of a kernel in the cache directory, by its place in the package.
 
     numba's own locator uses the path of the source file, so that each installation would compile
@@ -160,7 +160,8 @@ class KernelLocator(UserProvidedCacheLocator):  # type: ignore[misc]
         folder = Path(py_file).resolve().parent
         if any(folder.is_relative_to(HOUSE / room) for room in ROOMS):
             return "_".join(folder.relative_to(HOUSE).parts)
-        return str(super().get_suitable_cache_subpath(py_file))
+        elsewhere = super().get_suitable_cache_subpath(py_file)  # type: ignore[no-untyped-call]
+        return str(elsewhere)
 
 
 LOCATOR = f"{__name__}.{KernelLocator.__name__}"
