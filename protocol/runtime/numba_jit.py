@@ -34,10 +34,12 @@ import llvmlite.binding  # type: ignore[import-untyped]
 import numba
 import numpy as np
 from numba.core import sigutils
+from numba.core.caching import UserProvidedCacheLocator
 from numpy.typing import NDArray
 
 from hoap3.protocol.runtime.private_directory import is_private
 
+HOUSE = Path(__file__).resolve().parents[2]
 ROOMS = ("protocol", "remote_controller", "robot_emulator", "tools")
 SOURCES = ("*_kernels.py", "status.py")
 
@@ -137,12 +139,32 @@ def kernel(
         if CACHE_DIRECTORY is None:
             return cast(Function, build(cache=False))
         try:
-            with _configured(CACHE_DIR=str(CACHE_DIRECTORY)):
+            with _configured(CACHE_DIR=str(CACHE_DIRECTORY), CACHE_LOCATOR_CLASSES=LOCATOR):
                 return cast(Function, build(cache=True))
         except (OSError, EOFError, pickle.UnpicklingError):  # disk full, or a file cut off by it
             return cast(Function, build(cache=False))
 
     return compiled
+
+
+class KernelLocator(UserProvidedCacheLocator):
+    """Place of a kernel in the cache directory, by its place in the package.
+
+    numba's own locator uses the path of the source file, so that each installation would compile
+    the same kernels. The hash of the source, by which numba checks an entry, stays.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Folder of the kernels of a file; of other people's files by their path."""
+        folder = Path(py_file).resolve().parent
+        if any(folder.is_relative_to(HOUSE / room) for room in ROOMS):
+            return "_".join(folder.relative_to(HOUSE).parts)
+        elsewhere = super().get_suitable_cache_subpath(py_file)  # type: ignore[no-untyped-call]
+        return str(elsewhere)
+
+
+LOCATOR = f"{__name__}.{KernelLocator.__name__}"
 
 
 def _refuse_arrays(built: Any) -> None:
@@ -177,11 +199,10 @@ def warm_up(modules: Iterable[str], report: Callable[[str], None] | None = None)
 
 def fingerprint() -> str:
     """Hash of everything that flows into machine code, 16 hexadecimal digits."""
-    house = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256(Path(__file__).read_bytes())
     for room in ROOMS:
-        for path in sorted(path for kind in SOURCES for path in (house / room).rglob(kind)):
-            digest.update(str(path.relative_to(house)).encode() + b"\0" + path.read_bytes())
+        for path in sorted(path for kind in SOURCES for path in (HOUSE / room).rglob(kind)):
+            digest.update(str(path.relative_to(HOUSE)).encode() + b"\0" + path.read_bytes())
     processor = _config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
     digest.update(f"{numba.__version__} {sys.version} {processor}".encode())
     return digest.hexdigest()[:16]

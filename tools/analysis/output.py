@@ -24,6 +24,7 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+from rich.table import Table
 from rich.text import Text
 
 from hoap3.protocol.errors import Hoap3Error
@@ -33,6 +34,7 @@ REFRESH_S = 0.1  # of a bar on a terminal
 FIRST_LINE_S = 2.0  # where there is no terminal: when the first line of progress is written
 NEXT_LINE_S = 10.0  # and how long after it the next one
 QUIET_S = 60.0  # between two lines about bad connections
+COMPILING = "compiling kernels, once for each version"
 WIDE = 1000  # columns where there is no terminal: a row of a table stays one line
 
 
@@ -93,7 +95,17 @@ class _Stream:
 
 
 class PrintableConsole(Console):
-    """A console that escapes control characters in every string it is given, also in tables."""
+    """A console that escapes control characters in every string it is given, also in tables.
+
+    A cell that is wider than its column continues in the next line; rich would cut it.
+    """
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich does, with tables whose cells are whole."""
+        for table in objects:
+            for column in table.columns if isinstance(table, Table) else ():
+                column.overflow = "fold"
+        super().print(*objects, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         """A string as styled text."""
@@ -202,6 +214,23 @@ class Meter:
             print_note(f"{self._title}: {text}")
 
 
+class CompilationMeter(Meter):
+    """Counts the kernels that are compiled. How many there will be depends on what is imported."""
+
+    def __init__(self) -> None:
+        super().__init__(COMPILING, None)
+        self._count = 0
+
+    def text(self, kernel: str) -> str:
+        """Count a kernel, and return the line about it without the title."""
+        self._count += 1
+        return f"number {self._count}, {kernel}"
+
+    def step(self, what: str) -> None:
+        """Count a kernel, and show it."""
+        super().step(self.text(what))
+
+
 @contextmanager
 def progress(title: str) -> Iterator[Meter]:
     """Show how far something is; see `Meter`."""
@@ -234,7 +263,7 @@ def watch_compilation(tell: Callable[[str], None] | None = None) -> None:
     """
     from numba.core import event  # it takes a second
 
-    say = tell or Meter("compiling kernels, once for each version", None).step
+    say = tell or CompilationMeter().step
 
     class Listener(event.Listener):
         def on_start(self, event: Any) -> None:

@@ -14,7 +14,14 @@ from rich.table import Table
 from hoap3.tools.analysis.body_findings import base_words
 from hoap3.tools.analysis.certificates import in_a_line
 from hoap3.tools.analysis.deadline_verdict import FAIL, NOT_JUDGED, PASS, WARN
-from hoap3.tools.analysis.output import Meter, notes, print_note, results, watched
+from hoap3.tools.analysis.output import (
+    COMPILING,
+    CompilationMeter,
+    notes,
+    print_note,
+    results,
+    watched,
+)
 from hoap3.tools.analysis.verdicts import NAMES, deadline_words, in_words
 from hoap3.tools.machine.stalls import limited
 from hoap3.tools.services.messages import LiveFigures, LoopEvent, Message, RunStarts, StatusMessage
@@ -39,7 +46,7 @@ class LiveTable:
     def __init__(self, title: str, *, verbose: bool = False) -> None:
         self._title, self._verbose = title, verbose
         self._told: set[str] = set()
-        self._compiling = Meter("compiling kernels, once for each version", None)
+        self._compiling = CompilationMeter()
         self._live = Live(
             console=notes, refresh_per_second=4, transient=True, redirect_stdout=False
         )
@@ -62,7 +69,7 @@ class LiveTable:
             case RunStarts(robot=robot, endpoints=at, log=log):
                 print_note(f"{self._title}; robot {robot!r} at {at}; log: {log}")
             case StatusMessage(text=kernel, kind="compiling") if self._watched:
-                self._live.update(f"compiling kernels, once for each version: {kernel}")
+                self._live.update(f"{COMPILING}: {self._compiling.text(kernel)}")
             case StatusMessage(text=kernel, kind="compiling"):
                 self._compiling.step(kernel)
             case StatusMessage(text=text, kind="not granted") if text in self._told:
@@ -227,7 +234,7 @@ def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> 
     table = Table(box=None, pad_edge=False, title="us", title_justify="left")
     table.add_column("")
     for name in _COLUMNS.values():
-        table.add_column(name, justify="right", overflow="fold")
+        table.add_column(name, justify="right")
     for name, figures in rows.items():
         if figures["n"]:
             cells = [

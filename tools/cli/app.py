@@ -73,7 +73,7 @@ from hoap3.tools.machine.processes import (
 )
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
+config_app = typer.Typer(no_args_is_help=True, help="Show, check and describe configs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(bridge_app, name="bridge")
@@ -91,7 +91,7 @@ app.command("help")(show_help)
 
 Duration = Annotated[
     float | None,
-    typer.Option(min=0.001, callback=finite, help="Of motion or record [s]; default: no end."),
+    typer.Option(min=0.001, callback=finite, help="Duration [s]; default: until it is stopped."),
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
@@ -103,12 +103,12 @@ def run(
     robot: RunRobot = None,
     controller: RunController = DEFAULT_CONFIG,
     duration: Annotated[
-        float, typer.Option(min=0.001, callback=finite, help="Of the motion [s].")
+        float, typer.Option(min=0.001, callback=finite, help="Duration of the motion [s].")
     ] = 5.0,
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="Virtual time, in one process.")
+        bool, typer.Option("--lockstep", help="Run in virtual time, in one process.")
     ] = False,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of everything random.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of all random numbers.")] = None,
     out: Out = None,
     as_json: AsJson = False,
     no_realtime: NoRealtime = False,
@@ -156,7 +156,9 @@ def run(
 @app.command()
 def emulator(
     config: Annotated[str, typer.Argument(help="Emulator config or robot: a name or a path.")],
-    lockstep: Annotated[bool, typer.Option("--lockstep", help="Virtual time over Zenoh.")] = False,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="Use virtual time over Zenoh.")
+    ] = False,
     duration: Duration = None,
     out: Out = None,
     as_json: AsJson = False,
@@ -169,7 +171,7 @@ def emulator(
         typer.Option("--insecure", help="Listen beyond this machine without certificates."),
     ] = False,
 ) -> None:
-    """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
+    """Emulate a robot until SIGINT or SIGTERM; it comes to rest before the end."""
     from hoap3.tools.analysis.summary import show_next_of_service, show_summary
     from hoap3.tools.services.configs import load_emulator_config
     from hoap3.tools.services.messages import ServiceConfig
@@ -201,7 +203,7 @@ def controller(
     sets: Sets = [],  # noqa: B006
     secure: Secure = None,
 ) -> None:
-    """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
+    """Control a robot until SIGINT or SIGTERM; wait for it while it is absent."""
     from hoap3.tools.services.configs import load_controller_config
     from hoap3.tools.services.messages import ServiceConfig
     from hoap3.tools.services.services import run_controller
@@ -215,15 +217,15 @@ def controller(
 
 @app.command("list")
 def list_all(
-    live: Annotated[bool, typer.Option("--live", help="Also the robots that are alive.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="List running robots, too.")] = False,
     connect: Annotated[
         str | None,
-        typer.Option(help=f"Endpoint to look at with --live, beside this machine; {ENDPOINT}."),
+        typer.Option(help=f"With --live: where to look besides this machine; default: {ENDPOINT}."),
     ] = None,
     secure: Secure = None,
     as_json: AsJson = False,
 ) -> None:
-    """List robots, controllers, tasks, curves, constraints and configs that can be named."""
+    """List the names of robots, controllers, tasks, curves, constraints and configs."""
     from hoap3.tools.services.find_robot import live_robots
     from hoap3.tools.services.settings import named
 
@@ -257,7 +259,7 @@ def _add_request(verb: str, help_text: str) -> None:
 
 _add_request("stop", "Bring a running robot to rest; it stays there until `recover`.")
 _add_request("recover", "Let a stopped robot follow its controller again.")
-_add_request("status", "Say what a running robot does, and whom it follows.")
+_add_request("status", "Show the mode of a running robot, and the controller that it follows.")
 
 
 @app.command()
@@ -267,12 +269,12 @@ def release(
     secure: Secure = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take authority from whoever holds it over a robot; the robot brakes.
+    """Release the authority over a robot, whichever client holds it; the robot brakes.
 
-    On this machine its user may, and elsewhere who has the certificate of an admin.
+    On this machine the user of the robot may do that, elsewhere the holder of an admin certificate.
 
-    A controller that still runs asks for authority again at once, and the robot follows it: end the
-    controller first, or use `hoap3 stop`, where the robot is to stay at rest.
+    A controller that still runs gets authority again at once: end the controller first, or use
+    `hoap3 stop` to keep the robot at rest.
     """
     from hoap3.tools.services.find_robot import release_robot
 
@@ -286,7 +288,9 @@ def record(
     robot: Running = None,
     repair: Annotated[
         Path | None,
-        typer.Option("--repair", metavar="LOG", help="Repair a log, or all of a run, instead."),
+        typer.Option(
+            "--repair", metavar="LOG", help="Repair a log, or all logs of a run, instead."
+        ),
     ] = None,
     duration: Duration = None,
     connect: Connect = None,
@@ -312,10 +316,14 @@ def replay(
     log: LogPath,
     sets: Sets = [],  # noqa: B006
     tolerance: Annotated[
-        float, typer.Option(min=0.0, callback=finite, help="Largest difference of a value.")
+        float,
+        typer.Option(
+            min=0.0, callback=finite, help="Differences of values up to this are accepted."
+        ),
     ] = 0.0,
     allow_code: Annotated[
-        bool, typer.Option("--allow-code", help="Run a controller that is not registered.")
+        bool,
+        typer.Option("--allow-code", help="Import a controller that is named as module:Class."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -339,7 +347,9 @@ def replay(
 def export(
     log: LogPath,
     to: Annotated[Path, typer.Option("--to", help="File to write: *.csv, *.parquet or *.npz.")],
-    side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
+    side: Annotated[
+        str, typer.Option(help="Log of a run to export: robot or controller.")
+    ] = "robot",
     as_json: AsJson = False,
 ) -> None:
     """Write a log as CSV, Parquet or numpy arrays; exit code 1 if a part of the log is lost."""
@@ -361,7 +371,7 @@ def config_show(
     sets: Sets = [],  # noqa: B006
     allow_code: AllowCode = False,
 ) -> None:
-    """Print the whole of a config, defaults included, as YAML."""
+    """Print a config with all defaults as YAML."""
     from hoap3.protocol.config.user_code import user_code
     from hoap3.tools.services.settings import shown
 
@@ -379,11 +389,11 @@ def config_check(
     names: Annotated[list[str], typer.Argument(help="Configs: names or paths.")],
     sets: Sets = [],  # noqa: B006
     robot: Annotated[
-        str | None, typer.Option(help="Robot or emulator config that controllers are built for.")
+        str | None, typer.Option(help="Robot or emulator config to build controllers for.")
     ] = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Check configs, those of controllers also against their robots, as a start does."""
+    """Check configs as a start does, those of controllers together with their robots."""
     watch_compilation()
     from hoap3.protocol.config.user_code import user_code
     from hoap3.tools.services.settings import checked
@@ -399,10 +409,10 @@ def config_schema(
         str, typer.Argument(help="emulator, controller, task, constraint, or a controller's name.")
     ],
     name: Annotated[
-        str | None, typer.Argument(help="Of a controller, a task or a constraint.")
+        str | None, typer.Argument(help="Name of a controller, task or constraint.")
     ] = None,
 ) -> None:
-    """Print the JSON Schema of a config, or of a task or a constraint in one, for editors."""
+    """Print the JSON Schema of a config, task or constraint, for editors."""
     from hoap3.tools.services.settings import json_schema
 
     print_json(json_schema(kind, name))
@@ -417,11 +427,11 @@ def config_keys(
         ),
     ],
     name: Annotated[
-        str | None, typer.Argument(help="Of a controller, a task, a constraint or a curve.")
+        str | None, typer.Argument(help="Name of a controller, task, constraint or curve.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print every key of a config, or of what one names: type, unit, default, meaning."""
+    """Print all keys of a config, or of a part of it: type, unit, default and meaning."""
     from hoap3.tools.services.settings import config_keys as find
 
     found = find(kind, name)
@@ -443,7 +453,9 @@ def _root(
     context: typer.Context,
     _: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Versions of the stack."),
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print versions and exit."
+        ),
     ] = False,
 ) -> None:
     """Control a robot from a separate process at 1 kHz; see why each deadline was met or missed."""

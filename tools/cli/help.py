@@ -46,7 +46,9 @@ class GroupedCommands(TyperGroup):
 
 
 def show_help(
-    topic: Annotated[str | None, typer.Argument(help="Its name; default: list them.")] = None,
+    topic: Annotated[
+        str | None, typer.Argument(help="Name of the page; default: list all.")
+    ] = None,
 ) -> None:
     """Print a page of the documentation."""
     folders = [each for each in files("hoap3").joinpath("docs").iterdir() if each.is_dir()]

@@ -22,11 +22,11 @@ def report(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="HTML file to write; default: report.html beside the log."),
+        typer.Option("--out", help="HTML file to write; default: report.html next to the log."),
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(help="Name or folder of the robot, to draw it with the meshes there."),
+        typer.Option(help="Name or folder of the robot, to draw it with its meshes."),
     ] = None,
     verify: Annotated[
         bool, typer.Option("--verify/--no-verify", help="Recompute what the log claims.")
@@ -34,7 +34,7 @@ def report(
     allow_code: AllowCode = False,
     as_json: AsJson = False,
 ) -> None:
-    """Draw what a log shows, as one HTML file that needs nothing but itself."""
+    """Write a report about a log, as one self-contained HTML file."""
     from hoap3.tools.machine.machine import check_extra
 
     check_extra("report")
@@ -84,12 +84,12 @@ def verify(
     log: LogPath,
     every: Annotated[
         bool,
-        typer.Option("--all", help="Recompute every certificate, not a sample of the slow ones."),
+        typer.Option("--all", help="Recompute all certificates, not only a random sample."),
     ] = False,
     allow_code: AllowCode = False,
     allow_unverified: Annotated[
         bool,
-        typer.Option("--allow-unverified", help="Exit code 0 where nothing is false."),
+        typer.Option("--allow-unverified", help="Exit code 0 if nothing is false."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:

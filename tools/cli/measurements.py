@@ -23,18 +23,20 @@ from hoap3.tools.cli.options import (
 from hoap3.tools.machine.processes import StopFlag
 
 bench_app = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="What solvers and cycles cost here."
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Measure computing times of solvers and cycles.",
 )
-Samples = Annotated[int, typer.Option(min=10, help="Calls that are timed, each on its own.")]
+Samples = Annotated[int, typer.Option(min=10, help="Number of calls to time.")]
 
 
 def doctor(
     as_json: AsJson = False,
     measure: Annotated[
-        bool, typer.Option(help="Also time a loopback on one CPU and on two.")
+        bool, typer.Option(help="Also measure a loopback on one CPU and on two.")
     ] = True,
 ) -> None:
-    """Say whether this machine is fit for 1 kHz, with a remedy for each finding."""
+    """Check whether this machine is fit for 1 kHz, with a remedy for each finding."""
     from hoap3.tools.bench.doctor.doctor import run_doctor
 
     raise typer.Exit(run_doctor(as_json, measure))
@@ -42,8 +44,10 @@ def doctor(
 
 @bench_app.command("solvers")
 def bench_solvers(
-    joints: Annotated[int, typer.Option("-n", "--joints", min=2, help="Joints.")] = 21,
-    gamma: Annotated[float, typer.Option(min=0.0, max=0.999, help="Of QP12.")] = 0.5,
+    joints: Annotated[int, typer.Option("-n", "--joints", min=2, help="Number of joints.")] = 21,
+    gamma: Annotated[
+        float, typer.Option(min=0.0, max=0.999, help="Parameter gamma of QP12.")
+    ] = 0.5,
     samples: Samples = 10_000,
     as_json: AsJson = False,
 ) -> None:
@@ -66,7 +70,7 @@ def bench_cycle(
     samples: Samples = 5000,
     as_json: AsJson = False,
 ) -> None:
-    """Time one answer: kinematics, solve and integration; and all from bytes to bytes."""
+    """Time one answer: kinematics, solver, integration, and the whole cycle."""
     from hoap3.tools.bench.case_runner import run_benchmark
     from hoap3.tools.bench.cycle import bench_cycle as measure
     from hoap3.tools.bench.show import show_rows
@@ -81,24 +85,26 @@ def bench_cycle(
 
 def latency(
     log: Annotated[
-        Path | None, typer.Option(help="Measure nothing: analyse the log of a run.")
+        Path | None, typer.Option(help="Analyse the log of a run instead of measuring.")
     ] = None,
     link: Annotated[
         Literal["tcp", "udp", "unixsock", "tls", "hoap3_tcp"],
-        typer.Option(help="What to measure; tls: with certificates, in turns with tcp."),
+        typer.Option(help="Link to measure; tls uses certificates, and alternates with tcp."),
     ] = "tcp",
     robot: RobotConfig = "hoap3",
-    blocks: Annotated[int, typer.Option(min=1, help="Blocks of each, Zenoh and echo.")] = 5,
-    ticks: Annotated[int, typer.Option(min=100, help="Ticks of a block.")] = 2000,
+    blocks: Annotated[
+        int, typer.Option(min=1, help="Number of blocks of Zenoh, and of the echo.")
+    ] = 5,
+    ticks: Annotated[int, typer.Option(min=100, help="Ticks per block.")] = 2000,
     out: Annotated[
         Path | None, typer.Option(help="New folder for the logs; default: they are not kept.")
     ] = None,
     no_realtime: Annotated[
-        bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
+        bool, typer.Option("--no-realtime", help="Do not pin to a CPU or raise the priority.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the link with a controller that computes nothing, beside a bare TCP echo."""
+    """Measure the link with a controller that computes nothing, and a bare TCP echo."""
     stop = StopFlag()
     from hoap3.tools.analysis.verdicts import failed
     from hoap3.tools.bench.case_runner import run_benchmark
@@ -118,18 +124,18 @@ def latency(
 
 def limits(
     robot: Annotated[str, typer.Argument(help="Robot or emulator config: a name or a path.")],
-    samples: Annotated[int, typer.Option(min=1, help="States to try.")] = 1_000_000,
+    samples: Annotated[int, typer.Option(min=1, help="Number of random states.")] = 1_000_000,
     velocities: Annotated[
         Literal["corners", "uniform"],
-        typer.Option(help="Of these states: all at their limits, or uniform."),
+        typer.Option(help="Joint velocities: all at their limits, or uniform."),
     ] = "corners",
     polish: Annotated[
-        int, typer.Option(min=0, help="Search around so many of the worst states of each bound.")
+        int, typer.Option(min=0, help="Number of worst states of each bound to search around.")
     ] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the states.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random states.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
+    """Compute the joint accelerations that torque limits permit in the worst state."""
     watch_compilation()
     from hoap3.tools.robots.sampled_limits import sample, show
 
@@ -147,22 +153,22 @@ def compare(
         list[str],
         typer.Argument(
             metavar="[LABEL=]CONTROLLER[@KEY=VALUE,…]",
-            help="At least two: what `run --controller` takes, with changed parameters.",
+            help="At least two, as for `run --controller`, each with changed parameters or none.",
         ),
     ],
     log: Annotated[
         Path | None,
-        typer.Option("--log", metavar="LOG", help="Answer its States, and move nothing."),
+        typer.Option("--log", metavar="LOG", help="Answer the States of this log; no robot moves."),
     ] = None,
     robot: Annotated[
         str | None, typer.Option(help="Robot or emulator config; default: hoap3.")
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(min=0.001, callback=finite, help="Of the motion [s]; default: 20."),
+        typer.Option(min=0.001, callback=finite, help="Duration of the motion [s]; default: 20."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of everything random; default: 0.")
+        int | None, typer.Option(min=0, help="Seed of all random numbers; default: 0.")
     ] = None,
     timing: Annotated[
         bool, typer.Option("--timing/--no-timing", help="Also measure how long answers take.")
@@ -173,7 +179,7 @@ def compare(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
+    """Compare controllers, each on a robot in lockstep, or on the States of a log."""
     from hoap3.tools.machine.machine import check_extra
 
     check_extra("report")
@@ -204,7 +210,7 @@ def compare(
 
 
 def reproduce(
-    paper: Annotated[str, typer.Argument(help="Its name: bounds, ghc, qp12 or sdp.")],
+    paper: Annotated[str, typer.Argument(help="Name of the paper: bounds, ghc, qp12 or sdp.")],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -213,7 +219,7 @@ def reproduce(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Re-make a paper's figures and tables, and compare them with what its equations give."""
+    """Reproduce a paper's figures and tables, and compare them with its equations."""
     from hoap3.tools.machine.machine import check_extra
 
     check_extra("report")
@@ -236,18 +242,18 @@ WARM_UP, WARM_UP_MIN = 1 / 9, 10.0  # of the whole, and at most
 
 def soak(
     hours: Annotated[
-        float | None, typer.Option(min=0.001, callback=finite, help="How long [h].")
+        float | None, typer.Option(min=0.001, callback=finite, help="Duration [h].")
     ] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(min=0.05, callback=finite, help=f"How long [min]; default: {MINUTES:g}."),
+        typer.Option(min=0.05, callback=finite, help=f"Duration [min]; default: {MINUTES:g}."),
     ] = None,
     warm_up_minutes: Annotated[
         float | None,
         typer.Option(
             min=0.0,
             callback=finite,
-            help="Of them at the begin, which are not measured [min]; default: 1/9, at most 10.",
+            help="Start of the run that is not measured [min]; default: 1/9 of it, at most 10.",
         ),
     ] = None,
     robot: RunRobot = None,
@@ -261,7 +267,7 @@ def soak(
     verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006 - typer's own way
 ) -> None:
-    """Run robot and controller for hours; judge memory, descriptors, threads, phase, deadlines."""
+    """Run robot and controller for hours; check memory, descriptors, threads, phase, deadlines."""
     stop = StopFlag()
     from hoap3.tools.machine.machine import check_extra
 

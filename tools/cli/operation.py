@@ -12,7 +12,9 @@ import typer
 from hoap3.tools.analysis.output import print_line, print_note, print_result
 from hoap3.tools.cli.options import AsJson, Secure, Sets
 
-service_app = typer.Typer(no_args_is_help=True, help="Run emulator and controller by systemd.")
+service_app = typer.Typer(
+    no_args_is_help=True, help="Run emulator and controller as systemd services."
+)
 
 
 class Side(StrEnum):
@@ -24,31 +26,33 @@ class Side(StrEnum):
 
 @service_app.callback()
 def _root() -> None:
-    """Run emulator and controller by systemd."""
+    """Run emulator and controller as systemd services."""
 
 
 @service_app.command()
 def install(
-    side: Annotated[Side, typer.Argument(help="Which service.")],
-    config: Annotated[str, typer.Argument(help="Its config, or robot: a name or a path.")],
+    side: Annotated[Side, typer.Argument(help="Service to install.")],
+    config: Annotated[
+        str, typer.Argument(help="Config of the service, or a robot: a name or a path.")
+    ],
     sets: Sets = [],  # noqa: B006 - typer's own way
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the unit; default: systemd's own.")
+        Path | None, typer.Option("--out", help="Folder for the unit; default: that of systemd.")
     ] = None,
     name: Annotated[
-        str | None, typer.Option("--name", help="Of the unit; default: hoap3-SIDE-CONFIG.")
+        str | None, typer.Option("--name", help="Name of the unit; default: hoap3-SIDE-CONFIG.")
     ] = None,
     user: Annotated[
         str | None,
-        typer.Option("--as", help="User that it runs as; default: one that systemd makes for it."),
+        typer.Option("--as", help="User of the service; default: one that systemd creates."),
     ] = None,
     of_user: Annotated[
-        bool, typer.Option("--user", help="For your own systemd rather than the system's.")
+        bool, typer.Option("--user", help="Install for your user, not for the system.")
     ] = False,
     secure: Secure = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write the systemd unit of an emulator or a controller, and say how to start it."""
+    """Write the systemd unit of an emulator or a controller, and print how to start it."""
     from hoap3.tools.services.systemd_unit import install as write
 
     installed = write(
@@ -71,21 +75,23 @@ def install(
 
 
 certs_app = typer.Typer(
-    no_args_is_help=True, help="Certificates of the secure profile, for a laboratory."
+    no_args_is_help=True, help="Manage certificates of the secure profile, for a laboratory."
 )
-Folder = Annotated[Path, typer.Option("--dir", help="Folder of the authority.")]
+Folder = Annotated[Path, typer.Option("--dir", help="Folder of the certificate authority.")]
 Hosts = Annotated[
     list[str] | None,
     typer.Option("--host", help="Name or address at which a robot is reached; repeatable."),
 ]
-Name = Annotated[str, typer.Argument(help="Name in the certificate; of a robot, its own.")]
-Days = Annotated[float, typer.Option(min=0.001, max=36_500.0, help="For how long it is valid.")]
+Name = Annotated[
+    str, typer.Argument(help="Name in the certificate; for a robot, the robot's name.")
+]
+Days = Annotated[float, typer.Option(min=0.001, max=36_500.0, help="Validity [days].")]
 HERE = Path("certs")
 
 
 @certs_app.command()
 def init(folder: Folder = HERE, days: Days = 3650.0) -> None:
-    """Make an authority. Its key, ca.key, decides who is let in: keep it off the robots."""
+    """Create a certificate authority. Keep its key, ca.key, secret and off the robots."""
     from hoap3.tools.services.certificates import init as make
 
     print_line(str(make(folder, timedelta(days=days))))
@@ -96,13 +102,13 @@ def issue(
     name: Name,
     role: Annotated[
         Literal["robot", "controller", "operator", "observer", "admin"],
-        typer.Option(help="What its holder may do."),
+        typer.Option(help="Role of the holder."),
     ],
     host: Hosts = None,
     folder: Folder = HERE,
     days: Days = 365.0,
 ) -> None:
-    """Make a certificate; print the directory that `--secure` takes.
+    """Issue a certificate; print the folder for `--secure`.
 
     Exit code 1: a robot's list is not in the authority's folder, or cannot be read.
     """
@@ -116,7 +122,7 @@ def issue(
 
 @certs_app.command("list")
 def list_all(folder: Folder = HERE, as_json: AsJson = False) -> None:
-    """List the certificates: name, role, end, and whether each is valid."""
+    """List the certificates with name, role, expiry date and state."""
     from hoap3.tools.services.certificates import read_register
 
     found = [each.as_json() for each in read_register(folder).certificates]
@@ -128,7 +134,7 @@ def list_all(folder: Folder = HERE, as_json: AsJson = False) -> None:
 
 @certs_app.command()
 def renew(name: Name, host: Hosts = None, folder: Folder = HERE, days: Days = 365.0) -> None:
-    """Make a new key and certificate for a name, with its role, and its hosts or other ones."""
+    """Issue a new key and certificate for a name, with its role, and its hosts or others."""
     from hoap3.tools.services.certificates import renew as make
 
     print_line(str(make(folder, name, timedelta(days=days), host or [])))
@@ -137,7 +143,7 @@ def renew(name: Name, host: Hosts = None, folder: Folder = HERE, days: Days = 36
 
 @certs_app.command()
 def revoke(name: Name, folder: Folder = HERE) -> None:
-    """Take a name from the lists of all robots, for ever; exit code 1 where one is left."""
+    """Remove a name from the lists of all robots for good; exit code 1 if one is left."""
     from hoap3.tools.services.certificates import revoke as take
 
     changed, failed = take(folder, name)

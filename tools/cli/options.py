@@ -42,52 +42,55 @@ RobotConfig = Annotated[
     str, typer.Option("--robot", help="Robot or emulator config: a name or a path.")
 ]
 Running = Annotated[
-    str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
+    str | None, typer.Argument(help="Name of a running robot. Default: the only one.")
 ]
 AllowCode = Annotated[
-    bool, typer.Option("--allow-code", help="Import code that the config names by dotted path.")
+    bool, typer.Option("--allow-code", help="Import code that is named as module:Class.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")]
 Secure = Annotated[
     str | None,
     typer.Option(
         "--secure",
         metavar="DIR",
-        help="Folder of our certificate, as `hoap3 certs issue` makes it: only TLS is spoken.",
+        help="Folder with a certificate of `hoap3 certs issue`; only TLS is used then.",
     ),
 ]
 Connect = Annotated[
     str | None,
     typer.Option(
         "--connect",
-        help=f"Endpoint of a robot or a router. Default: this machine, else {ENDPOINT}.",
+        help=f"Endpoint of a robot or router. Default: a robot on this machine, else {ENDPOINT}.",
     ),
 ]
 RunRobot = Annotated[
     str | None,
     typer.Option(
-        help="Robot or emulator config: a name or a path; NAME:=VALUE goes to a xacro file. By "
-        "default what the controller's config names."
+        help="Robot or emulator config: a name or a path; NAME:=VALUE sets an argument of a xacro "
+        "file. Default: the robot in the controller's config."
     ),
 ]
 RunController = Annotated[str, typer.Option(help="Controller config: a name or a path.")]
 NoRealtime = Annotated[
-    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
+    bool,
+    typer.Option("--no-realtime", help="Do not pin to a CPU, raise the priority or lock memory."),
 ]
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Print all messages.")]
 Sets = Annotated[
     list[str],
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override a setting of the config; repeatable."
+    ),
 ]
 Tip = Annotated[
     str | None,
-    typer.Option("--tip", help="Of a URDF: link that the default task moves, such as tool0."),
+    typer.Option("--tip", help="Link of a URDF that the default task moves, such as tool0."),
 ]
 LockJoints = Annotated[
     list[str],
     typer.Option(
         "--lock-joint",
         metavar="NAME[=VALUE]",
-        help="Of a URDF: joint that becomes fixed, by default at 0 or its nearest limit.",
+        help="Joint of a URDF to lock, by default at 0 or the limit nearest to it; repeatable.",
     ),
 ]

@@ -11,20 +11,20 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.tools.analysis.output import print_json, print_line, print_note, print_result
 from hoap3.tools.cli.options import AsJson, LockJoints, LogPath, RobotConfig, Tip, finite
 
-robot_app = typer.Typer(no_args_is_help=True, help="Make a robot of a vendor's URDF; look at one.")
+robot_app = typer.Typer(no_args_is_help=True, help="Import a robot from a URDF, or describe one.")
 
 PackagePath = Annotated[
     list[Path],
     typer.Option(
         "--package-path",
         metavar="DIR",
-        help="Folder that is a package, or holds some: for package://. Before HOAP3_PACKAGE_PATH.",
+        help="Folder of a package, or of several, for package://; before HOAP3_PACKAGE_PATH.",
     ),
 ]
 Strict = Annotated[
     bool,
     typer.Option(
-        "--strict", help="A mesh that is missing, cannot be read or is another one is an error."
+        "--strict", help="Refuse meshes that are missing, unreadable or not the imported ones."
     ),
 ]
 
@@ -39,7 +39,7 @@ def import_robot(
         Path | None, typer.Option("--out", help="Folder to write; default: the robot's name.")
     ] = None,
     name: Annotated[
-        str | None, typer.Option("--name", help="Of the robot; default: as the URDF has it.")
+        str | None, typer.Option("--name", help="Name of the robot; default: that in the URDF.")
     ] = None,
     package_path: PackagePath = [],  # noqa: B006 - typer's own way
     strict: Strict = False,
@@ -47,7 +47,7 @@ def import_robot(
     lock_joints: LockJoints = [],  # noqa: B006
     as_json: AsJson = False,
 ) -> None:
-    """Write the folder of a robot: robot.yaml, the URDF that travels, meshes for drawing."""
+    """Import a URDF: write a robot folder with robot.yaml, URDF and meshes."""
     from hoap3.robot_emulator.robots.urdf_import.folder import write_folder
     from hoap3.robot_emulator.robots.urdf_import.imported import import_robot as import_file
 
@@ -84,7 +84,7 @@ def check_robot(
     lock_joints: LockJoints = [],  # noqa: B006
     as_json: AsJson = False,
 ) -> None:
-    """Say what a robot is: joints, limits, what is guessed, what follows, masses, shapes, tip."""
+    """Describe a robot: joints, limits, guesses, mimic joints, masses, shapes and tip."""
     from hoap3.tools.robots.robot_facts import as_json as facts_as_json
     from hoap3.tools.robots.robot_facts import look, show
 
@@ -96,7 +96,7 @@ def check_robot(
 
 
 trajectory_app = typer.Typer(
-    no_args_is_help=True, help="Look at a motion before it runs; take one from a log."
+    no_args_is_help=True, help="Check a motion before it runs, or take one from a log."
 )
 
 
@@ -106,18 +106,20 @@ def check_trajectory(
     robot: RobotConfig,
     interpolation: Annotated[
         Literal["linear", "cubic", "quintic"] | None,
-        typer.Option(help="Default: by what the points carry."),
+        typer.Option(help="Between points; default: by the columns of the file."),
     ] = None,
     time_scaling: Annotated[
-        float, typer.Option(min=1e-6, callback=finite, help="Times are multiplied by it.")
+        float, typer.Option(min=1e-6, callback=finite, help="Factor for all times.")
     ] = 1.0,
     approach: Annotated[
         float,
-        typer.Option(min=0.0, callback=finite, help="To the first point, where its time is 0 [s]."),
+        typer.Option(
+            min=0.0, callback=finite, help="Time to reach a first point whose time is 0 [s]."
+        ),
     ] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Say where a motion exceeds limits of a robot's joints, and how much slower it would fit."""
+    """Show where a motion exceeds joint limits, and the slower motion that would fit."""
     from hoap3.tools.robots.trajectory_check import look, shown
 
     found = look(file, robot, interpolation, time_scaling, approach)
@@ -131,7 +133,7 @@ def trajectory_from(
     out: Annotated[Path, typer.Option("--out", help="CSV file to write.")],
     played: Annotated[
         Literal["measured", "applied"],
-        typer.Option(help="The joints as they were, or the robot's reference."),
+        typer.Option(help="Measured, or commanded (applied) joint positions."),
     ] = "measured",
     every: Annotated[
         float, typer.Option(min=1e-6, callback=finite, help="Time between the points [s].")
@@ -157,14 +159,14 @@ def new(
         str, typer.Argument(metavar="KIND", help="controller, task, constraint, robot or plant.")
     ],
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="What it is called in configs, and its module.")
+        str, typer.Argument(metavar="NAME", help="Name in configs, and of its module.")
     ],
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder to write; default: the name.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write a package to begin with: one that works, its config, its tests, its entry point."""
+    """Write a working package to start from, with config, tests and entry point."""
     from hoap3.tools.new.package import write_package
 
     written = write_package(kind, name, out)

@@ -127,7 +127,7 @@ def change(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Robot that it controls. Default: the only one that runs."),
+        typer.Option("--robot", help="Robot of the controller. Default: the only one that runs."),
     ] = None,
     connect: Connect = None,
     secure: Secure = None,

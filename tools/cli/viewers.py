@@ -31,14 +31,15 @@ def view(
     connect: Connect = None,
     secure: Secure = None,
     host: Annotated[
-        str, typer.Option("--host", help="Address to listen at; others than loopback are seen.")
+        str,
+        typer.Option("--host", help="Address to listen on; beyond loopback others can connect."),
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port to listen at; 0: any free one.")
+        int, typer.Option("--port", min=0, max=65535, help="Port to listen on; 0: any free one.")
     ] = 8080,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="The robot's folder on this machine, for its meshes."),
+        typer.Option("--robot", help="Folder of the robot on this machine, to draw its meshes."),
     ] = None,
     no_steering: Annotated[
         bool, typer.Option("--no-steering", help="Read only: pages cannot stop, change or steer.")
@@ -55,7 +56,7 @@ def view(
     if note:
         print_note(note)
     if logs:
-        serve_log([*logs, *([second] if second else [])], host, port, robot, print_line)
+        serve_log([*logs, *([second] if second else [])], host, port, robot, _show_address)
         return
     if second is not None:
         raise typer.BadParameter("a second log goes with a log, not with a robot")
@@ -63,9 +64,14 @@ def view(
 
     name, endpoint = reach_robot(what, reached(connect, secure))
     serve_robot(
-        *(name, endpoint, host, port, robot, print_line),
+        *(name, endpoint, host, port, robot, _show_address),
         steering=not no_steering,
     )
+
+
+def _show_address(address: str) -> None:
+    print_line(address)
+    print_note("press Ctrl+C to end the page; a robot that runs is not affected")
 
 
 def is_log(what: str) -> bool:
@@ -92,8 +98,8 @@ def foxglove(
         bool,
         typer.Option(
             "--steer",
-            help="Take points and poses that its panels publish as live targets. Whoever reaches "
-            "the port may then steer, web pages in a browser of this machine among them.",
+            help="Accept points and poses of Foxglove panels as live targets. Anyone who reaches "
+            "the port can then steer, also web pages in a browser on this machine.",
         ),
     ] = False,
 ) -> None:
@@ -121,7 +127,9 @@ def ros2(
         typer.Option(help="Endpoint of a ROS 2 router to connect to, instead of listening."),
     ] = None,
     domain: Annotated[int, typer.Option(min=0, max=232, help="ROS_DOMAIN_ID.")] = 0,
-    namespace: Annotated[str, typer.Option(help="Of the node and its topics: /robot1.")] = "",
+    namespace: Annotated[
+        str, typer.Option(help="Namespace of node and topics, such as /robot1.")
+    ] = "",
 ) -> None:
     """Publish joint states and the robot's description to ROS 2 over rmw_zenoh."""
     stop = StopFlag()
@@ -135,12 +143,10 @@ def ros2(
 @bridge_app.command()
 def layouts(
     robot: Annotated[str, typer.Option(help="Robot: a name or a path.")] = "hoap3",
-    out: Annotated[Path, typer.Option("--out", help="Folder to write them into.")] = Path(
-        "layouts"
-    ),
+    out: Annotated[Path, typer.Option("--out", help="Folder for the layouts.")] = Path("layouts"),
     as_json: AsJson = False,
 ) -> None:
-    """Write layouts for Foxglove and PlotJuggler, for a log as for a running robot."""
+    """Write layouts for Foxglove and PlotJuggler, for logs and running robots."""
     from hoap3.tools.bridge.layouts import write_layouts
 
     written = write_layouts(robot, out)

@@ -31,7 +31,7 @@ from hoap3.remote_controller.config import ControllerConfig, is_name
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve
-from hoap3.tools.analysis.output import Meter, print_line, watch_compilation
+from hoap3.tools.analysis.output import COMPILING, CompilationMeter, print_line, watch_compilation
 from hoap3.tools.analysis.result_folder import new_name, remove_if_empty
 from hoap3.tools.analysis.summary import show_next_of_service
 from hoap3.tools.analysis.verdicts import failed, judge_run
@@ -60,8 +60,6 @@ from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import settled_alone
 from hoap3.tools.services.reporter import OF_NEWS, JsonLines, QueuedLines, facts_of
 from hoap3.tools.services.systemd_notify import NotifySettings
-
-COMPILING = "compiling kernels, once for each version"
 
 
 def run_folder(
@@ -377,7 +375,7 @@ class StatusReporter:
 
     def __init__(self, status_fds: tuple[int, int] | None, *, verbose: bool = False) -> None:
         self.status_fds, self._verbose = status_fds, verbose
-        self._meter = Meter(COMPILING, None)
+        self._meter = CompilationMeter()
         self._sender = None if status_fds is None else MessageSender(os.dup(status_fds[0]))
         self._lines: QueuedLines | None = None
         self._compiled = False

@@ -182,6 +182,7 @@ class TestFingerprint:
             (tmp_path / room / "inner").mkdir(parents=True)
         (tmp_path / "protocol/runtime").mkdir()
         monkeypatch.setattr(numba_jit, "__file__", str(tmp_path / "protocol/runtime/numba_jit.py"))
+        monkeypatch.setattr(numba_jit, "HOUSE", tmp_path)
         seen = set()
         for name in (
             "protocol/runtime/numba_jit.py",
@@ -236,6 +237,21 @@ class TestKernel:
         kernel = sys.modules["tiny_kernels"].quadruple
         assert sum(kernel.stats.cache_hits.values()) == 1
         assert stamps == {p: p.stat().st_mtime_ns for p in (tiny / "cache").rglob("*.nb*")}
+
+    @pytest.mark.parametrize("theirs", [False, True])
+    def test_is_shared_by_installations_but_for_other_peoples_files(
+        self, monkeypatch: pytest.MonkeyPatch, tiny: Path, theirs: bool
+    ) -> None:
+        hits = []
+        for name in ("wheel", "editable"):
+            folder = tiny / name / ("elsewhere" if theirs else "tools")
+            folder.mkdir(parents=True)
+            (folder / "tiny_kernels.py").write_text(TINY)
+            monkeypatch.setattr(numba_jit, "HOUSE", tiny / name)
+            monkeypatch.syspath_prepend(folder)
+            assert quadruple_of_3() == 12.0
+            hits.append(sum(sys.modules["tiny_kernels"].quadruple.stats.cache_hits.values()))
+        assert hits == [0, 0 if theirs else 1]
 
     @pytest.mark.slow
     @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])

@@ -8,9 +8,17 @@ from contextlib import redirect_stderr, redirect_stdout
 
 import pytest
 from rich.console import Console
+from rich.table import Table
 
 from hoap3.tools.analysis import output
-from hoap3.tools.analysis.output import Meter, print_json, print_line, progress
+from hoap3.tools.analysis.output import (
+    CompilationMeter,
+    Meter,
+    PrintableConsole,
+    print_json,
+    print_line,
+    progress,
+)
 from hoap3.tools.services.simulate import simulate
 
 
@@ -106,3 +114,25 @@ def test_a_simulation_tells_how_far_it_is() -> None:
     assert told == sorted(told)
     assert {whole for _, whole in told} == {300}
     assert len(told) >= 3
+
+
+def test_compiled_kernels_are_counted(time: Time) -> None:
+    heard = io.StringIO()
+    with redirect_stderr(heard):
+        meter = CompilationMeter()
+        for second in range(13):
+            time.now = 100.0 + second
+            meter.step(f"kernel_{second}")
+    first, second = heard.getvalue().splitlines()
+    assert first.endswith(": number 3, kernel_2")
+    assert second.endswith(": number 13, kernel_12")
+
+
+def test_a_cell_that_is_wider_than_the_terminal_is_whole() -> None:
+    screen, wide = io.StringIO(), "target_of_the_left_hand_" * 3
+    table = Table("name", "value", box=None)
+    table.add_row(wide, wide)
+    PrintableConsole(file=screen, force_terminal=True, width=40, no_color=True).print(table)
+    lines = screen.getvalue().splitlines()[1:]
+    columns = ["".join(line.split()[i] for line in lines) for i in (0, 1)]
+    assert columns == [wide, wide]

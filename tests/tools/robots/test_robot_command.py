@@ -40,6 +40,15 @@ def test_an_import_writes_a_robot_that_loads_as_the_urdf_did(here):
     }  # fmt: skip
 
 
+def test_every_unused_attribute_is_named(here):
+    names = [f"vendor_{place}" for place in range(9)]
+    unused = " ".join(f'{name}="1"' for name in names)
+    vendor_folder(here, urdf().replace("<robot ", f"<robot {unused} ", 1))
+    done = inside("robot", "import", ARM)
+    assert done.code == 0, done.stderr
+    assert all(f"1 {name} of <robot>" in done.stderr for name in names)
+
+
 def test_robot_yaml_says_what_was_guessed_and_why(here):
     vendor_folder(here, GUESSED)
     assert inside("robot", "import", ARM, "--out", "mine", "--name", "mine").code == 0

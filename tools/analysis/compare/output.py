@@ -102,4 +102,4 @@ def _times(timing: dict[str, Any], labels: Sequence[str]) -> Table:
 def _columns(table: Table, labels: Sequence[str]) -> None:
     table.add_column("")
     for label in labels:
-        table.add_column(escape(label), justify="right", overflow="fold")
+        table.add_column(escape(label), justify="right")
