@@ -385,7 +385,8 @@ class AccelerationProblems(ProblemBuilder):
             kind, labels = "alpha", [f"alpha_{a}_{b}" for a in self.names for b in self.names]
         if all(label in self._columns for label in labels):  # not logged of many tasks
             columns, found = [self._columns[label] for label in labels], cycle.importance.ravel()
-            claims.append(worst(kind, extra[columns], found, RELATIVE * np.maximum(1.0, found)))
+            exact = RELATIVE * found + ROUNDING * max(1.0, float(found.max()))
+            claims.append(worst(kind, extra[columns], found, exact))
         return claims
 
     def _motion_claims(self, setpoint: Any, cycle: Cycle) -> list[Claim]:
@@ -465,7 +466,7 @@ class AccelerationProblems(ProblemBuilder):
         given = cycle.ddq, cycle.ddq_error, tuple(claims), tuple(unverified)
         return Statement(branch, tuple(problems), *given)
 
-    def _limits(self, cycle: Cycle, error: float) -> Rows:
+    def _limits(self, cycle: Cycle, error: Array | float) -> Rows:
         return Rows.of(np.eye(len(cycle.dq)), cycle.lower, cycle.upper, error=error)
 
     def _torque_rows(self, cycle: Cycle) -> Rows:

@@ -27,11 +27,11 @@ FUNCTIONS = {
     "ghc_torque": "acceleration.free_base:check_free_base",
     "hqp": "acceleration.hqp:check",
     "joint_acceleration": "acceleration.joint_acceleration:check",
-    "tsid": "acceleration.tsid:check",
-    "weighted": "acceleration.weighted:check",
+    "tsid": "acceleration.free_base:check_free_base",
+    "weighted": "acceleration.free_base:check_free_base",
 }
-"""Module and function in `controllers`, by the controller's registered name. Those of `ghc` and
-`ghc_torque` are for a free base; other logs have a builder in `statements`."""
+"""Module and function in `controllers`, by the controller's registered name. Those named
+`check_free_base` are for a free base; other logs have a builder in `statements`."""
 
 
 def checker_of(controller: str) -> Checker | None:

@@ -34,6 +34,8 @@ BUILDERS = {
     "pinv": "qp12:PinvProblems",
     "qp12": "qp12:Qp12Problems",
     "stable_qp": "stable_qp:StableQpProblems",
+    "tsid": "tsid:TsidProblems",
+    "weighted": "weighted:WeightedProblems",
 }
 """Module and class in `remote_controller.problems`, by the controller's registered name; others
 have a checker of their own."""

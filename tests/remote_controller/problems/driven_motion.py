@@ -30,7 +30,7 @@ def recorded_motion(
     *,
     command: str = "torque",
     gravity: str = "none",
-    posture: str | None = None,
+    start: str | None = None,
     changes: Mapping[int, Mapping[str, Any]] | None = None,
     targets: Mapping[int, bytes] | None = None,
     seed: int = 0,
@@ -47,7 +47,7 @@ def recorded_motion(
     The made-up robot moves by the q̈ of the answers.
 
     Args:
-        config, robot, command, gravity, posture: which, and where it starts.
+        config, robot, command, gravity, start: which, and the posture that it starts in.
         ticks: how many States.
         changes, targets: requests, and messages of live targets, by the tick before they come.
         seed, lost, unseen, noise: of answers and of States, shares; and of q [rad] and dq.
@@ -69,7 +69,7 @@ def recorded_motion(
     loop.begin(description, lockstep=True)
     loop.grant(1)
     model, n, T = Robot(description), description.n, description.period_s
-    place = description.initial_posture if posture is None else posture
+    place = description.initial_posture if start is None else start
     q, dq, ddq = np.array(description.postures[place]), np.zeros(n), np.zeros(n)
     state, force = State.allocate(**description.state_lengths), 0.0
     answer = Setpoint.like(controller.command.dump())

@@ -14,14 +14,14 @@ from hoap3.protocol.limits import viability_bounds_oracle as reference
 from hoap3.remote_controller.problems import schedule
 from hoap3.remote_controller.problems.ghc import GhcProblems, GhcTorqueProblems
 from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
+from hoap3.remote_controller.problems.tsid import TsidProblems
+from hoap3.remote_controller.problems.weighted import WeightedProblems
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.tools.verify.controllers.acceleration import (
     hqp,
     joint_acceleration,
-    tsid,
-    weighted,
 )
 
 
@@ -80,8 +80,8 @@ def test_priorities_and_weights_move_as_the_products_do(seed: int) -> None:
 def test_defaults_are_those_of_the_controllers() -> None:
     tables = {
         "joint_acceleration": joint_acceleration.DEFAULTS,
-        "tsid": tsid.DEFAULTS,
-        "weighted": weighted.DEFAULTS,
+        "tsid": TsidProblems.defaults,
+        "weighted": WeightedProblems.defaults,
         "ghc": GhcProblems.defaults,
         "ghc_torque": {k: v for k, v in GhcTorqueProblems.defaults.items() if k != "regularise"},
         "hqp": hqp.DEFAULTS,

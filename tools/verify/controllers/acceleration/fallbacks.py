@@ -2,7 +2,7 @@
 
 `fallback` 1: the q̈ that is nearest to a wish within bounds and torques. 2: nothing is within both,
 which a linear program shows; the bounds are kept, and ½ q̈ᵀH q̈ + fᵀq̈ + ½ P·max H_ii·Σ v² is least,
-v_i = max(0, |τ_i| − τ_max)/τ_max. `tsid` has H and f of its tasks, all others H = I and f = −wish.
+v_i = max(0, |τ_i| − τ_max)/τ_max, with H = I and f = −wish.
 3: the wish, cut to the bounds.
 """
 
@@ -17,13 +17,13 @@ from scipy.optimize import linprog
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
-from hoap3.tools.verify.controllers.acceleration.quadratic import TINY
 
 Array = NDArray[np.float64]
 
 NEAREST, OVERLOADED, GAVE_UP = 1, 2, 3
 WEIGHTS = 1e4, 1e2, 1.0  # P; the next one where the solver gives up
 UNREPEATED = "that a solver finds none, though there may be one, is not repeated"
+TINY = 1e-9  # rad/s²: accelerations below it count as that much
 BRAKE_PER_S = 10.0  # of −q̇, the wish where the tasks have no answer even with strong motors
 
 

@@ -22,12 +22,12 @@ from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
 from hoap3.tools.verify.controllers.acceleration.fallbacks import (
     BRAKE_PER_S,
+    TINY,
     Soft,
     nearest_to,
 )
 from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
-from hoap3.tools.verify.controllers.acceleration.quadratic import TINY
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
