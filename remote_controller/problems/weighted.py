@@ -67,7 +67,8 @@ class WeighedProblems(AccelerationProblems):
 
     def roots(self, weights: Array) -> Array:
         """Return √ω of each row, (m,); a negative weight of a wrong log counts as 0."""
-        return np.sqrt(np.repeat(np.maximum(weights, 0.0), np.diff(self.edges)))
+        each = np.repeat(np.maximum(weights, 0.0), np.diff(self.edges))
+        return np.asarray(np.sqrt(each))
 
     @abstractmethod
     def cost(self, cycle: Cycle) -> LeastSquares:
