@@ -385,7 +385,8 @@ class AccelerationProblems(ProblemBuilder):
             kind, labels = "alpha", [f"alpha_{a}_{b}" for a in self.names for b in self.names]
         if all(label in self._columns for label in labels):  # not logged of many tasks
             columns, found = [self._columns[label] for label in labels], cycle.importance.ravel()
-            exact = RELATIVE * found + ROUNDING * max(1.0, float(found.max()))
+            size = np.abs(found)
+            exact = RELATIVE * size + ROUNDING * max(1.0, float(size.max()))
             claims.append(worst(kind, extra[columns], found, exact))
         return claims
 

@@ -68,7 +68,7 @@ class TsidProblems(WeighedProblems):
     def cost(self, cycle: Cycle) -> LeastSquares:
         """Return (33)."""
         weights = np.append(cycle.importance[:-1], max(cycle.importance[-1], LEAST_WEIGHT))
-        roots = np.sqrt(np.repeat(weights, np.diff(self.edges)))
+        roots = self.roots(weights)
         J = roots[:, None] * cycle.rows.jacobian
         return LeastSquares(J, roots * cycle.desired, roots * cycle.desired_error)
 

@@ -115,6 +115,7 @@ OTHER: dict[str, tuple[str, str, dict[str, Any]]] = {
     "without regularisation": ("weighted", "lwr", {"regularise": "none", "priorities": WEIGHTS}),
     "small weight": ("weighted", "lwr", {"w_r": 1e-6, "priorities": WEIGHTS, "bounds": SLOW}),
     "without damping": ("weighted", "lwr", {"null_damping_per_s": 0.0, "bounds": SLOW}),
+    "at torques": ("weighted", "lwr", {"bounds": {"torque_max": [3.0]}}),
     "much damping": ("weighted", "lwr", {"null_damping_per_s": 5e3}),
     "naive bounds": ("weighted", "lwr", {"bounds": {"kind": "naive"}}),
     "no bounds": ("weighted", "lwr", {"bounds": {"kind": "none"}}),
@@ -124,6 +125,7 @@ OTHER: dict[str, tuple[str, str, dict[str, Any]]] = {
         "lwr",
         {"gravity": "compensated", "compensate_friction": False, "priorities": WEIGHTS},
     ),
+    "tsid at torques": ("tsid", "lwr", {"bounds": {"torque_max": [3.0]}, "task": {"kp": 400.0}}),
     "tsid, accelerations": ("tsid", "ur5", {"command": "acceleration", "gravity": "full"}),
     "tsid, posture of almost no weight": ("tsid_baxter", BAXTER, {"posture": {"weight": 1e-8}}),
     "tsid, naive bounds": ("tsid_baxter", BAXTER, {"bounds": {"kind": "naive"}}),
@@ -273,6 +275,7 @@ def test_weights_that_change_while_a_target_moves_have_no_false_claim(config):
         {"tasks": [{"task": "posture"}], "priorities": {"weights": {"posture": [1]}}},
         {"bounds": {"kind": "some"}},
         {"base": "free"},
+        {"w_r": 0.0, "frame": "nothing"},
     ],
 )
 def test_a_config_that_cannot_be_read_is_unverifiable(name, wrong):
@@ -280,6 +283,16 @@ def test_a_config_that_cannot_be_read_is_unverifiable(name, wrong):
 
     with pytest.raises(UnverifiableError):
         builder_of(name, records, {**parameters, **wrong})
+
+
+@pytest.mark.parametrize("name", ["weighted", "tsid"])
+def test_negative_weights_of_a_config_are_found(name):
+    records, parameters = made(name, 40)
+    wrong = {"weights": {"hand": -1.0, "pose": -1.0}}
+
+    found = checked(name, records, {**parameters, "priorities": wrong})
+
+    assert found.counts["weight"].false > 20
 
 
 @pytest.mark.long
