@@ -30,7 +30,6 @@ def recorded_motion(
     *,
     command: str = "torque",
     gravity: str = "none",
-    posture: str | None = None,
     changes: Mapping[int, Mapping[str, Any]] | None = None,
     targets: Mapping[int, bytes] | None = None,
     seed: int = 0,
@@ -44,10 +43,10 @@ def recorded_motion(
 ) -> tuple[list[Record], dict[str, Any]]:
     """The records of a controller of a shipped config, and its parameters.
 
-    The made-up robot moves by the q̈ of the answers.
+    The made-up robot moves by the q̈ of the answers; one that takes positions commands these.
 
     Args:
-        config, robot, command, gravity, posture: which, and where it starts.
+        config, robot, command, gravity: which; it starts in the robot's initial posture.
         ticks: how many States.
         changes, targets: requests, and messages of live targets, by the tick before they come.
         seed, lost, unseen, noise: of answers and of States, shares; and of q [rad] and dq.
@@ -69,8 +68,7 @@ def recorded_motion(
     loop.begin(description, lockstep=True)
     loop.grant(1)
     model, n, T = Robot(description), description.n, description.period_s
-    place = description.initial_posture if posture is None else posture
-    q, dq, ddq = np.array(description.postures[place]), np.zeros(n), np.zeros(n)
+    q, dq, ddq = np.array(description.initial_position), np.zeros(n), np.zeros(n)
     state, force = State.allocate(**description.state_lengths), 0.0
     answer = Setpoint.like(controller.command.dump())
     for tick in range(ticks):
@@ -102,4 +100,6 @@ def recorded_motion(
                 ddq, dq = np.zeros(n), np.zeros(n)  # at rest
         q = q + T * dq + 0.5 * T**2 * ddq
         dq = dq + T * ddq
+        if command == "position" and answer.tick == tick and np.isfinite(answer.values).all():
+            q = answer.values.copy()
     return list(recorder.records), given
