@@ -53,6 +53,7 @@ from hoap3.remote_controller.problems.oracles.tasks.wrench_oracle import WrenchT
 from hoap3.remote_controller.problems.schedule import Schedule, TickSchedule
 from hoap3.remote_controller.problems.statement import (
     Array,
+    Cascade,
     Claim,
     ClosedForm,
     Flags,
@@ -87,7 +88,7 @@ class Optimum(NamedTuple):
         exact: how exactly the residual of the certificate is known.
     """
 
-    problem: Program
+    problem: Program | Cascade
     answer: Array
     answer_error: Array
     exact: float

@@ -44,6 +44,8 @@ RUNS: dict[str, dict[str, Any]] = {
     "rough": {**POSITIONS, **ROUGH, "changes": CHANGES},
     "at a wall": {**POSITIONS, "posture": None, "posture_rad": [-3.0] * 21},
     "slow": {**POSITIONS, "bounds": {"acceleration_max": [0.5], "speed_share": 0.01}},
+    "from outside its ranges": {**POSITIONS, "bounds": {"margin_rad": 0.1}},
+    "at its target": {**POSITIONS, "posture": "q0"},
     "naive bounds": {**POSITIONS, "bounds": {"kind": "naive"}},
     "no bounds": {**POSITIONS, "bounds": {"kind": "none"}},
     "accelerations": {**ACCELERATIONS, **ROUGH},
@@ -150,16 +152,12 @@ def test_another_gain_is_found(change):
 
 
 def test_a_robot_at_its_target_rests():
-    records, parameters = recorded_motion(
-        "joint_acceleration", "hoap3", 20, command="position", posture="q0"
-    )
-
-    found = checked(records, parameters)
-
-    assert found.false == 0
+    records, parameters = made("at its target")
     last = Setpoint.like(records[-1].payload)
     last.load(records[-1].payload)
+
     assert last.solver_status == Setpoint.schema.constants["STATUS_AT_TARGET"]
+    assert checked(records, parameters).false == 0
 
 
 @pytest.mark.parametrize(
