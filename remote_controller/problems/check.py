@@ -179,14 +179,19 @@ def _check_cascade(problem: Cascade, answer: Array, error: Array) -> list[Findin
         none, given = np.zeros(N), (Z, x, problem.error, Z.T @ step)
         program = Program(R, np.append(r, none), none, none, within, *given)
         found += _check_program(program, x + step, exact)
-        x, Z, slack = x + step, remaining(Z, J, problem.rank), problem.slack
+        x, (Z, _), slack = x + step, remaining(Z, J, problem.rank), problem.slack
     return [*found, _largest("answer", np.abs(x - answer), problem.error + error)]
 
 
-def remaining(Z: Array, J: Array, rank: float) -> Array:
-    """Return a basis of the part of span Z, Z (n, N), that J (m, n) maps to 0; see `Cascade`."""
+def remaining(Z: Array, J: Array, rank: float) -> tuple[Array, float]:
+    """Return a basis of the part of span Z, Z (n, N), that J (m, n) maps to 0; see `Cascade`.
+
+    And the least singular value of J Z that does not count as 0, relative to |J|.
+    """
+    size = max(float(np.linalg.norm(J, 2)), TINY)
     _, s, Vt = np.linalg.svd(J @ Z)
-    return np.asarray(Z @ Vt[int((s > rank * np.linalg.norm(J, 2)).sum()) :].T)
+    kept = s[s > rank * size]
+    return np.asarray(Z @ Vt[len(kept) :].T), float(kept.min(initial=size)) / size
 
 
 def _variables(problem: Program, answer: Array) -> tuple[Array, Array]:

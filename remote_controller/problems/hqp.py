@@ -153,12 +153,9 @@ def steps_of(
         bent = (ROUNDING + turned) * size * (left / w + length / math.sqrt(w))
         error = error + np.abs(Z @ gain) @ (b_error + np.abs(J) @ error)
         error += np.abs(Z @ shift) @ s_error[held] + bent + turned * length
-        step, before = Z @ z, Z
-        x, Z, slack = x + step, remaining(Z, J, RANK), SLACK
-        steps.append(step)
-        kept = before.shape[1] - Z.shape[1]
-        if kept:
-            turned += ROUNDING * size / float(np.linalg.svd(A, compute_uv=False)[kept - 1])
+        steps.append(Z @ z)
+        x, (Z, least), slack = x + steps[-1], remaining(Z, J, RANK), SLACK
+        turned += ROUNDING / least
     return Steps(tuple(steps), error)
 
 

@@ -54,6 +54,12 @@ ON_CIRCLE: list[dict[str, Any]] = [
      "parameters": {"frame": "ee", "target": {**CIRCLE, "approach_s": 0.2}}},
     {"name": "posture", "task": "posture", "kp": 30.0, "parameters": {"posture": "table1"}},
 ]  # fmt: skip
+ELBOW: dict[str, Any] = {
+    "name": "elbow", "task": "frame_position", "kp": 30.0, "parameters": {
+        "frame": "elbow", "target": {"kind": "point", "position_m": [0.18689, 0.28125, 0.5249]}
+    }
+}  # fmt: skip
+REMOVED = {"order": ["hand", "elbow"], "timeline": [{"at_s": 0.1, "remove": "elbow"}]}
 ROUGH: dict[str, Any] = {
     "noise": 1e-4, "lost": 0.05, "unseen": 0.05, "pauses": (60, 61, 150), "not_finite": (0, 80, 81)
 }  # fmt: skip
@@ -68,6 +74,7 @@ RUNS: dict[str, dict[str, Any]] = {
     "naive bounds": {"priorities": MOVING, "bounds": {"kind": "naive"}},
     "no bounds": {"priorities": MOVING, "bounds": {"kind": "none"}},
     "accelerations": {"priorities": MOVING, "command": "acceleration", "gravity": "full"},
+    "without posture": {"tasks": [ON_CIRCLE[0], ELBOW], "priorities": REMOVED, "noise": 1e-4},
     "circle": {"tasks": ON_CIRCLE, "priorities": {"order": ["hand", "posture"]}, **ROUGH},
 }
 
