@@ -9,9 +9,11 @@ solves that problem; it knows no controller. A controller of your own names its 
 from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.statement import (
+    Cascade,
     Claim,
     ClosedForm,
     GainProgram,
+    Level,
     MaximalRate,
     Program,
     Rows,
@@ -20,9 +22,11 @@ from hoap3.remote_controller.problems.statement import (
 from hoap3.remote_controller.problems.velocity_answer import VelocityAnswer
 
 __all__ = [
+    "Cascade",
     "Claim",
     "ClosedForm",
     "GainProgram",
+    "Level",
     "MaximalRate",
     "ProblemBuilder",
     "Program",

@@ -23,9 +23,11 @@ from hoap3.protocol.messages import COMMANDS, State, schema
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.controllers.certificate import STATIONARY
 from hoap3.remote_controller.problems.acceleration_claims import (
+    INFEASIBLE,
     RELATIVE,
     Cycle,
     lyapunov_claims,
+    refused,
     rounding_of,
     worst,
 )
@@ -51,6 +53,7 @@ from hoap3.remote_controller.problems.oracles.tasks.wrench_oracle import WrenchT
 from hoap3.remote_controller.problems.schedule import Schedule, TickSchedule
 from hoap3.remote_controller.problems.statement import (
     Array,
+    Cascade,
     Claim,
     ClosedForm,
     Flags,
@@ -63,9 +66,7 @@ from hoap3.remote_controller.problems.statement import (
 Settings = Mapping[str, Any]
 
 STATUS = schema("Setpoint").constants
-CERTIFIED, UNCERTIFIED, INFEASIBLE = (
-    STATUS[f"STATUS_{name}"] for name in ("CERTIFIED", "UNCERTIFIED", "INFEASIBLE")
-)
+CERTIFIED, UNCERTIFIED = STATUS["STATUS_CERTIFIED"], STATUS["STATUS_UNCERTIFIED"]
 SOLVED, NEAREST, OVERLOADED, CLIPPED, STOPPED = range(5)  # Setpoint.fallback
 BRANCHES = ("optimum", "nearest", "overloaded", "clipped", "stopped")
 
@@ -73,11 +74,6 @@ OPTIMAL = 1e-9  # greatest relative residual of a certified answer
 TINY = 1e-9  # rad/s²: accelerations below it count as that much
 FAR = 10.0  # of the largest acceleration: the greatest q̈ that rounding of the margin counts
 VIOLATION_WEIGHTS = 1e4, 1e2, 1.0  # P; the next one where the solver gives up
-NOT_SENT = (
-    "v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "active_joints",
-    "solver_path", "fallback",
-)  # fmt: skip
-"""Fields that are 0 in an answer to a State that is not finite."""
 FREE_BASE_ONLY = {"base", "contacts"}
 FREE_BASE = "problems of a free base are not stated"
 NO_PROOF = "that a solver finds no answer, though there may be one, is not recomputed"
@@ -92,7 +88,7 @@ class Optimum(NamedTuple):
         exact: how exactly the residual of the certificate is known.
     """
 
-    problem: Program
+    problem: Program | Cascade
     answer: Array
     answer_error: Array
     exact: float
@@ -278,22 +274,8 @@ class AccelerationProblems(ProblemBuilder):
         self._close(asked=True)
         history = self.history
         if history.known and not history.finite and history.answer is not None:
-            return self._refused(history.answer)
+            return refused(history.answer)
         return super().problem()
-
-    def _refused(self, setpoint: Any) -> Statement:
-        """An answer to a State that is not finite: NaN, and a certificate of zeros."""
-        values, extra = np.array(setpoint["values"]), np.array(setpoint["extra"])
-        claims = [
-            worst("refused: values", values, np.full(values.shape, np.nan), 0.0),
-            worst(
-                "refused: claims", np.array([float(setpoint[name]) for name in NOT_SENT]), 0.0, 0.0
-            ),
-            Claim("status", float(setpoint["solver_status"]), INFEASIBLE, 0.0),
-        ]
-        if extra.size:
-            claims.append(worst("refused: extra", extra, 0.0, 0.0))
-        return Statement("refused", (), values, np.zeros(values.shape), tuple(claims))
 
     def state_problem(self, setpoint: Any) -> Statement:
         """The problem of an answer to the newest State."""

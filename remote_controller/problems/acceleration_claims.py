@@ -7,12 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.messages import schema
 from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING, TaskRows
-from hoap3.remote_controller.problems.statement import Array, Claim, Flags
+from hoap3.remote_controller.problems.statement import Array, Claim, Flags, Statement
 
 RELATIVE = 1e-9  # of what is compared: rounding
 ACTIVE = 1e-3  # rad/s or m/s: speed from which a joint counts as active
 DOUBT = 1e-2  # of an acceleration, and of 1 m/s², in the greatest rise of V
+INFEASIBLE = schema("Setpoint").constants["STATUS_INFEASIBLE"]
+NOT_SENT = (
+    "v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "active_joints",
+    "solver_path", "fallback",
+)  # fmt: skip
+"""Fields that are 0 in an answer to a State that is not finite."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +85,27 @@ def lyapunov_claims(setpoint: Any, cycle: Cycle, top: Flags, T: float) -> list[C
     off += RELATIVE * required
     claims.append(Claim("required V rate", float(setpoint["v_rate_required"]), required, off))
     speed, near = np.abs(cycle.dq + T * cycle.ddq), T * cycle.ddq_error + RELATIVE * ACTIVE
-    least, most = ((speed >= ACTIVE + sign * near).sum() for sign in (1.0, -1.0))
+    return [*claims, active_joints_claim(setpoint, speed, near)]
+
+
+def active_joints_claim(setpoint: Any, speed: Array, error: Array) -> Claim:
+    """Return how many joints move, from speeds (n,) and their errors (n,) [rad/s or m/s]."""
+    least, most = ((speed >= ACTIVE + sign * error).sum() for sign in (1.0, -1.0))
     stated = float(setpoint["active_joints"])
-    claims.append(Claim("active joints", stated, float(np.clip(stated, least, most)), 0.0))
-    return claims
+    return Claim("active joints", stated, float(np.clip(stated, least, most)), 0.0)
+
+
+def refused(setpoint: Any) -> Statement:
+    """State the answer to a State that is not finite: NaN, and a certificate of zeros."""
+    values, extra = np.array(setpoint["values"]), np.array(setpoint["extra"])
+    claims = [
+        worst("refused: values", values, np.full(values.shape, np.nan), 0.0),
+        worst("refused: claims", np.array([float(setpoint[name]) for name in NOT_SENT]), 0.0, 0.0),
+        Claim("status", float(setpoint["solver_status"]), INFEASIBLE, 0.0),
+    ]
+    if extra.size:
+        claims.append(worst("refused: extra", extra, 0.0, 0.0))
+    return Statement("refused", (), values, np.zeros(values.shape), tuple(claims))
 
 
 def worst(name: str, stated: Any, value: Any, error: Any) -> Claim:

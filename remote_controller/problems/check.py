@@ -8,6 +8,7 @@ may hold the answer where the answer is at its limit to that error.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.optimize import linprog, nnls
 from hoap3.remote_controller.problems.gain_program import gap_of
 from hoap3.remote_controller.problems.statement import (
     Array,
+    Cascade,
     Claim,
     ClosedForm,
     Flags,
@@ -83,6 +85,8 @@ def check_problem(problem: Problem, answer: Array, error: Array) -> list[Finding
         return _check_rate(problem, answer, error)
     if isinstance(problem, GainProgram):
         return _check_gains(problem)
+    if isinstance(problem, Cascade):
+        return _check_cascade(problem, answer, error)
     return _check_program(problem, answer, error)
 
 
@@ -153,6 +157,41 @@ def _check_gains(problem: GainProgram) -> list[Finding]:
         _largest("limits", beyond, problem.error),
         Finding("optimum", gap, 0.0, gap, problem.gap),
     ]
+
+
+def _check_cascade(problem: Cascade, answer: Array, error: Array) -> list[Finding]:
+    """That each step is the optimum of its level, and that all together are the answer."""
+    found: list[Finding] = []
+    rows, exact = problem.rows, np.zeros(len(answer))
+    x, Z, slack = np.zeros(len(answer)), np.eye(len(answer)), 0.0
+    for (J, b), step in zip(problem.levels, problem.steps, strict=True):
+        N = Z.shape[1]
+        if not N:
+            break
+        within = replace(
+            rows,
+            A=rows.A @ Z,
+            a=rows.a + rows.A @ x,
+            lower=rows.lower - slack,
+            upper=rows.upper + slack,
+        )
+        R, r = np.vstack([J @ Z, math.sqrt(problem.damping) * np.eye(N)]), b - J @ x
+        none, given = np.zeros(N), (Z, x, problem.error, Z.T @ step)
+        program = Program(R, np.append(r, none), none, none, within, *given)
+        found += _check_program(program, x + step, exact)
+        x, (Z, _), slack = x + step, remaining(Z, J, problem.rank), problem.slack
+    return [*found, _largest("answer", np.abs(x - answer), problem.error + error)]
+
+
+def remaining(Z: Array, J: Array, rank: float) -> tuple[Array, float]:
+    """Return a basis of the part of span Z, Z (n, N), that J (m, n) maps to 0; see `Cascade`.
+
+    And the least singular value of J Z that does not count as 0, relative to |J|.
+    """
+    size = max(float(np.linalg.norm(J, 2)), TINY)
+    _, s, Vt = np.linalg.svd(J @ Z)
+    kept = s[s > rank * size]
+    return np.asarray(Z @ Vt[len(kept) :].T), float(kept.min(initial=size)) / size
 
 
 def _variables(problem: Program, answer: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -23,7 +23,14 @@ from hoap3.remote_controller.problems.oracles.parameters import (
     reason_of,
 )
 from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
-from hoap3.remote_controller.problems.statement import Array, Claim, ClosedForm, Rows, Statement
+from hoap3.remote_controller.problems.statement import (
+    Array,
+    Claim,
+    ClosedForm,
+    Program,
+    Rows,
+    Statement,
+)
 from hoap3.remote_controller.problems.velocity import (
     Cycle,
     VelocityProblems,
@@ -167,7 +174,8 @@ class GhcVelocityProblems(VelocityProblems):
         rows = Wanted(cycle.J, wanted, error, edges)
         given = condensed(rows, self.priorities.alpha, weight, width)
         if solved:
-            program, _, error, exact = _optimum(given, cycle)
+            best, _, error, exact = _optimum(given, cycle)
+            program = cast("Program", best)
             spanned = program.E @ np.asarray(program.z) + program.e
             claims += [
                 claim("residual", residual, 0.0, max(exact, OPTIMAL)),

@@ -146,6 +146,40 @@ class MaximalRate:
     then: Program
 
 
+class Level(NamedTuple):
+    """J x → b, (m, n) and (m,)."""
+
+    J: Array
+    b: Array
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """Levels, one after the other: each changes x only where those above leave it free.
+
+    From the x of the level above, first 0, a level goes to x + Z z with min |J (x + Z z) − b|² +
+    w |z|², where Z is an orthonormal basis of the null space of all J above. The answer is the
+    last x.
+
+    Attributes:
+        levels: highest first.
+        damping: w.
+        rows: that x keeps.
+        slack: by which x may exceed them below the first level.
+        rank: singular values of J Z up to this share of the largest one of J count as 0.
+        steps: (n,), Z z of each level. They are a proposal, which `check` tests.
+        error: (n,), how far the answer may be from the sum of the steps.
+    """
+
+    levels: tuple[Level, ...]
+    damping: float
+    rows: Rows
+    slack: float
+    rank: float
+    steps: tuple[Array, ...]
+    error: Array
+
+
 @dataclass(frozen=True)
 class ClosedForm:
     """The answer is one of some values: several where the law is discontinuous.
@@ -186,7 +220,7 @@ class GainProgram:
     gap: float
 
 
-Problem = Program | MaximalRate | ClosedForm | GainProgram
+Problem = Program | MaximalRate | Cascade | ClosedForm | GainProgram
 
 
 class Claim(NamedTuple):

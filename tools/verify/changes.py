@@ -17,7 +17,7 @@ from hoap3.remote_controller.problems.parameters_in_force import (
 )
 from hoap3.tools.verify.controller_log import ControllerRun
 
-WHOLE = frozenset({"joint_acceleration", "stable_qp"})
+WHOLE = frozenset({"stable_qp"})
 """Controllers whose answers follow from those before: a part of a run cannot be judged alone."""
 
 

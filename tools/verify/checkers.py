@@ -25,13 +25,12 @@ Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 FUNCTIONS = {
     "ghc": "acceleration.free_base:check_free_base",
     "ghc_torque": "acceleration.free_base:check_free_base",
-    "hqp": "acceleration.hqp:check",
-    "joint_acceleration": "acceleration.joint_acceleration:check",
+    "hqp": "acceleration.free_base:check_free_base",
     "tsid": "acceleration.free_base:check_free_base",
     "weighted": "acceleration.free_base:check_free_base",
 }
-"""Module and function in `controllers`, by the controller's registered name. Those named
-`check_free_base` are for a free base; other logs have a builder in `statements`."""
+"""Module and function in `controllers`, by the controller's registered name: all are for a free
+base; other logs have a builder in `statements`."""
 
 
 def checker_of(controller: str) -> Checker | None:

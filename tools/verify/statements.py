@@ -30,6 +30,8 @@ BUILDERS = {
     "ghc": "ghc:GhcProblems",
     "ghc_torque": "ghc:GhcTorqueProblems",
     "ghc_velocity": "ghc_velocity:GhcVelocityProblems",
+    "hqp": "hqp:HqpProblems",
+    "joint_acceleration": "joint_acceleration:JointAccelerationProblems",
     "osqp": "qp12:OsqpProblems",
     "pinv": "qp12:PinvProblems",
     "qp12": "qp12:Qp12Problems",

@@ -10,6 +10,8 @@ import numpy as np
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.problems.acceleration import AccelerationProblems
 from hoap3.remote_controller.problems.check import check
+from hoap3.remote_controller.problems.history import ProblemBuilder
+from hoap3.remote_controller.problems.statement import Statement
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.statements import check_statements
 
@@ -21,25 +23,23 @@ EVERY = 40  # answers: one of them is changed
 PLACES = 4  # of an array that are changed
 
 
-def check_motion(builder: AccelerationProblems, records: list[Record]) -> Claims:
+def check_motion(builder: ProblemBuilder, records: list[Record]) -> Claims:
     """Check all answers."""
     claims = Claims()
     check_statements(records[2:], builder, claims)
     return claims
 
 
-def missed_changes(
-    builder: AccelerationProblems, records: list[Record]
-) -> list[tuple[int, str, int]]:
+def missed_changes(builder: ProblemBuilder, records: list[Record]) -> list[tuple[int, str, int]]:
     """Return which changed numbers of some answers are not found: tick, field and place."""
     random, found, count = np.random.default_rng(3), [], 0
-    for setpoint in _some_answers(builder, records, EVERY):
+    for setpoint in some_answers(builder, records, EVERY):
         for field in FIELDS:
             size = setpoint[field].size
             for place in random.choice(size, min(size, PLACES), replace=False):
                 builder.history.answer = tampered(setpoint, field, place)
                 count += 1
-                if not _failing(builder):
+                if not failing(builder.problem()):
                     found.append((int(setpoint["tick"]), field, int(place)))
         builder.history.answer = setpoint
     print(f"{count - len(found)} of {count} changed numbers found")
@@ -52,11 +52,11 @@ def missed_motions(builder: AccelerationProblems, records: list[Record], by: flo
 
     Args:
         builder: of the problems.
-        records: of a robot that takes torques.
+        records: of a robot that takes torques or accelerations.
         by: how far q̈ is moved, of the largest acceleration.
     """
     random, missed, count = np.random.default_rng(4), [], 0
-    for setpoint in _some_answers(builder, records, EVERY // 4):
+    for setpoint in some_answers(builder, records, EVERY // 4):
         if not builder.history.finite:
             continue
         cycle, moved = builder._cycle(setpoint), setpoint.copy()
@@ -64,10 +64,10 @@ def missed_motions(builder: AccelerationProblems, records: list[Record], by: flo
         ddq = cycle.ddq + by * span * random.normal(size=n)
         tau = cycle.M @ ddq + cycle.h
         moved["decision"][:n], moved["decision"][n:] = ddq, tau
-        moved["values"][:] = tau - cycle.added
+        moved["values"][:] = tau - cycle.added if builder._torques else ddq
         builder.history.answer = moved
         count += 1
-        if not {"optimum", "rows", "answer"} & set(_failing(builder)):
+        if not {"optimum", "rows", "answer"} & set(failing(builder.problem())):
             missed.append(int(setpoint["tick"]))
     print(f"{count - len(missed)} of {count} other motions found")
     assert count > 0
@@ -86,8 +86,8 @@ def tampered(setpoint: Any, field: str, place: int, by: float = 1e-6) -> Any:
     return changed
 
 
-def _some_answers(
-    builder: AccelerationProblems, records: list[Record], every: int, first: int = 7
+def some_answers(
+    builder: ProblemBuilder, records: list[Record], every: int, first: int = 7
 ) -> Iterator[Any]:
     """Each so many answers, as rows, when the builder has just read them; each of them is true."""
     number = 0
@@ -95,12 +95,11 @@ def _some_answers(
         builder.feed(kind, payload)
         if kind == Kind.SETPOINT:
             if number % every == first:
-                assert _failing(builder) == []
+                assert failing(builder.problem()) == []
                 yield builder.history.answer
             number += 1
 
 
-def _failing(builder: AccelerationProblems) -> list[str]:
-    statement = builder.problem()
+def failing(statement: Statement | None) -> list[str]:
     assert statement is not None
     return [finding.name for finding in check(statement) if not finding.holds]

@@ -37,6 +37,7 @@ def recorded_motion(
     lost: float = 0.0,
     unseen: float = 0.0,
     noise: float = 0.0,
+    held_back: float = 0.0,
     pauses: tuple[int, ...] = (),
     pressed: Mapping[int, float] | None = None,
     not_finite: tuple[int, ...] = (),
@@ -44,13 +45,14 @@ def recorded_motion(
 ) -> tuple[list[Record], dict[str, Any]]:
     """The records of a controller of a shipped config, and its parameters.
 
-    The made-up robot moves by the q̈ of the answers.
+    The made-up robot moves by the q̈ of the answers; one that takes positions commands these.
 
     Args:
         config, robot, command, gravity, start: which, and the posture that it starts in.
         ticks: how many States.
         changes, targets: requests, and messages of live targets, by the tick before they come.
         seed, lost, unseen, noise: of answers and of States, shares; and of q [rad] and dq.
+        held_back: share of ticks at which half of the joints do not command what was sent.
         pauses: ticks at which the robot follows nobody.
         pressed: by tick, the force on all wrench sensors from then on, along the root's z [N].
         not_finite: ticks whose State has a joint velocity that is NaN.
@@ -100,6 +102,10 @@ def recorded_motion(
                 ddq = np.nan_to_num(answer.decision[:n])
             elif payload is None:
                 ddq, dq = np.zeros(n), np.zeros(n)  # at rest
-        q = q + T * dq + 0.5 * T**2 * ddq
+        before, q = q, q + T * dq + 0.5 * T**2 * ddq
         dq = dq + T * ddq
+        if command == "position" and answer.tick == tick and np.isfinite(answer.values).all():
+            q = answer.values.copy()
+            if random.random() < held_back:
+                q[: n // 2] = before[: n // 2]
     return list(recorder.records), given

@@ -18,8 +18,10 @@ from hoap3.remote_controller.problems.check import (
     upper_bound,
 )
 from hoap3.remote_controller.problems.statement import (
+    Cascade,
     Claim,
     ClosedForm,
+    Level,
     MaximalRate,
     Program,
     Rows,
@@ -177,6 +179,50 @@ def test_the_largest_rate_is_that_of_a_linear_program(seed):
     assert holds(problem, found.x)
     slower = found.x - 1e-5 * g
     assert not holds(replace(problem, then=replace(then, r=slower)), slower)
+
+
+def random_cascade(random):
+    """Three levels in conflict, within rows, and its answer by daqp, level by level."""
+    n, w = 7, 0.01
+    levels = tuple(
+        Level(random.normal(size=(m, n)), 5.0 * random.normal(size=m)) for m in (2, 3, 7)
+    )
+    A = np.vstack([np.eye(n), random.normal(size=(3, n))])
+    rows = Rows.of(A, -1.0 - random.random(len(A)), 1.0 + random.random(len(A)), error=EXACT)
+    x, Z, steps, slack = np.zeros(n), np.eye(n), [], 0.0
+    for J, b in levels:
+        H = Z.T @ J.T @ J @ Z + w * np.eye(Z.shape[1])
+        upper, lower = rows.upper + slack - A @ x, rows.lower - slack - A @ x
+        sense = np.zeros(len(A), np.int32)
+        f = -Z.T @ J.T @ (b - J @ x)
+        z, _, flag, _ = daqp.solve(H, f, A @ Z, upper, lower, sense, primal_tol=1e-11)
+        assert flag == 1
+        steps.append(Z @ np.asarray(z))
+        x, slack = x + steps[-1], 1e-8
+        Z = Z @ np.linalg.svd(J @ Z)[2][len(J) :].T
+    return Cascade(levels, w, rows, 1e-8, 1e-9, tuple(steps), np.full(n, 1e-8)), x
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_answer_of_a_cascade_passes_and_every_other_does_not(seed):
+    random = np.random.default_rng(seed)
+    problem, x = random_cascade(random)
+
+    assert holds(problem, x)
+    for k in range(len(x)):
+        assert not holds(problem, x + 1e-6 * np.eye(len(x))[k])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_steps_that_are_no_optima_of_their_levels_prove_nothing(seed):
+    random = np.random.default_rng(seed)
+    problem, x = random_cascade(random)
+    first, second, third = problem.steps
+    by = 1e-6 * random.normal(size=len(x))
+
+    assert not holds(replace(problem, steps=(first + by, second - by, third)), x)
+    assert not holds(replace(problem, steps=(first, second + by, third - by)), x)
+    assert not holds(replace(problem, steps=(first, second, third + by)), x + by)
 
 
 def test_rows_that_exclude_each_other_have_no_answer():

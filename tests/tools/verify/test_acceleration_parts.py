@@ -11,18 +11,15 @@ import pytest
 from pydantic import BaseModel
 
 from hoap3.protocol.limits import viability_bounds_oracle as reference
-from hoap3.remote_controller.problems import schedule
+from hoap3.remote_controller.problems import joint_acceleration, schedule
 from hoap3.remote_controller.problems.ghc import GhcProblems, GhcTorqueProblems
+from hoap3.remote_controller.problems.hqp import HqpProblems
 from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.tsid import TsidProblems
 from hoap3.remote_controller.problems.weighted import WeightedProblems
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
-from hoap3.tools.verify.controllers.acceleration import (
-    hqp,
-    joint_acceleration,
-)
 
 
 def test_bounds_are_those_that_their_meaning_gives() -> None:
@@ -84,7 +81,7 @@ def test_defaults_are_those_of_the_controllers() -> None:
         "weighted": WeightedProblems.defaults,
         "ghc": GhcProblems.defaults,
         "ghc_torque": {k: v for k, v in GhcTorqueProblems.defaults.items() if k != "regularise"},
-        "hqp": hqp.DEFAULTS,
+        "hqp": HqpProblems.defaults,
     }
     for name, table in tables.items():
         _assert_defaults(find(name).Parameters, table)

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
-from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-
-Array = NDArray[np.float64]
 
 ACTIVE = 1e-3  # rad/s or m/s: from which on a joint counts as active
 INFEASIBLE = schema("Setpoint").constants["STATUS_INFEASIBLE"]
@@ -34,13 +29,3 @@ def check_refused(run: ControllerRun, claims: Claims) -> None:
     claims.equal("refused: extra", tick, answers["extra"], np.zeros(answers["extra"].shape), 0.0)
     status = np.full(len(tick), INFEASIBLE)
     claims.equal("status", tick, answers["solver_status"], status, 0.0)
-
-
-def check_between(
-    claim: str, tick: Any, stated: Array, values: Array, threshold: float, claims: Claims
-) -> None:
-    """A count of values that reach a threshold, (N, n); those within rounding of it may or not."""
-    least = (values >= threshold * (1.0 + RELATIVE)).sum(1)
-    most = (values >= threshold * (1.0 - RELATIVE)).sum(1)
-    count = stated.astype(float)
-    claims.equal(claim, tick, count, np.clip(count, least, most), 0.0)
