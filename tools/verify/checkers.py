@@ -23,15 +23,13 @@ from hoap3.tools.verify.controller_log import ControllerRun
 Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 
 FUNCTIONS = {
-    "ghc": "acceleration.free_base:check_free_base",
-    "ghc_torque": "acceleration.free_base:check_free_base",
     "hqp": "acceleration.hqp:check",
     "joint_acceleration": "acceleration.joint_acceleration:check",
     "tsid": "acceleration.tsid:check",
     "weighted": "acceleration.weighted:check",
 }
-"""Module and function in `controllers`, by the controller's registered name. Those of `ghc` and
-`ghc_torque` are for a free base; other logs have a builder in `statements`."""
+"""Module and function in `controllers`, by the controller's registered name; other logs, and those
+of a free base, have a builder in `statements`."""
 
 
 def checker_of(controller: str) -> Checker | None:

@@ -21,7 +21,6 @@ from hoap3.remote_controller.problems.check import check
 from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.registry import BUILTIN, find
-from hoap3.tools.verify.checkers import FUNCTIONS
 from hoap3.tools.verify.claims import Claims
 
 BUILDERS = {
@@ -35,8 +34,14 @@ BUILDERS = {
     "qp12": "qp12:Qp12Problems",
     "stable_qp": "stable_qp:StableQpProblems",
 }
-"""Module and class in `remote_controller.problems`, by the controller's registered name; others
-have a checker of their own."""
+WITH_FREE_BASE = {
+    "ghc": "free_base_optima:GhcFreeProblems",
+    "hqp": "free_base_optima:HqpFreeProblems",
+    "tsid": "free_base_optima:TsidFreeProblems",
+    "weighted": "free_base_optima:WeightedFreeProblems",
+}
+"""Module and class in `remote_controller.problems`, by the controller's registered name, with
+`base: fixed` and `base: free`; others have a checker of their own."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"
@@ -48,7 +53,7 @@ PART = 5000  # answers whose findings are counted together
 def builder_of(
     controller: str, parameters: Mapping[str, Any], *, allow_code: bool = False
 ) -> type[ProblemBuilder] | None:
-    """The builder of a controller's problems; None for one of ours without, as of a free base.
+    """The builder of a controller's problems; None for one of ours without.
 
     Args:
         controller: registered, or a dotted path.
@@ -60,9 +65,10 @@ def builder_of(
     """
     if controller not in BUILTIN:
         return _problem_type(controller, allow_code=allow_code)
-    if controller not in BUILDERS or (controller in FUNCTIONS and parameters.get("base") == "free"):
+    free = parameters.get("base") == "free" and controller in WITH_FREE_BASE
+    if not free and controller not in BUILDERS:
         return None
-    module, name = BUILDERS[controller].split(":")
+    module, name = (WITH_FREE_BASE if free else BUILDERS)[controller].split(":")
     module = f"hoap3.remote_controller.problems.{module}"
     found: type[ProblemBuilder] = getattr(import_module(module), name)
     return found

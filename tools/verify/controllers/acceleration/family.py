@@ -28,7 +28,6 @@ from hoap3.tools.verify.controllers.acceleration.certificate import (
     check_proof,
 )
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft, check_fallback
-from hoap3.tools.verify.controllers.acceleration.free_base import check_free_base
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 
 Array = NDArray[np.float64]
@@ -69,9 +68,6 @@ class Family(ABC):
 
 def check_family(family: Family, run: ControllerRun, parameters: Settings, claims: Claims) -> None:
     """Everything that is claimed of a controller's answers."""
-    if parameters.get("base") == "free":
-        check_free_base(run, parameters, claims)
-        return
     parameters = {key: value for key, value in parameters.items() if key not in OF_FREE_BASES}
     try:
         settings = complete(parameters, family.defaults, "parameters", strict=False)
