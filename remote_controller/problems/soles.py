@@ -27,7 +27,7 @@ from hoap3.remote_controller.problems.statement import Array, Flags
 
 WRENCH, NORMAL = 6, 2  # numbers of each sole's wrench, and which is the normal force
 GRAVITY = 9.81  # m/s²
-OUTLINE_M = 1e-9  # to which controllers round outlines of soles
+NANOMETRE = 9  # decimals of a length in m
 SAME = 9  # decimals in which facets agree that are one
 DEPENDENT = 1e-7  # of the largest singular value: soles that hold each other
 DEFAULTS: dict[str, Any] = {
@@ -210,7 +210,8 @@ class Soles:
     ) -> tuple[Array, float]:
         """Return what of an acceleration of the centre of mass loaded soles give, x and y (2,).
 
-        And how exactly it is known, as controllers know the outline to 1 nm.
+        And how exactly it is known. Corners in the world count to 1 nm: of those in line, rounding
+        decides which edge is the nearest.
 
         The point c − c̈·z/(g + c̈_z) of zero moment is moved into the outline of these soles.
 
@@ -232,29 +233,23 @@ class Soles:
         if not (height > 0.0 and lift > 0.0):
             return wanted[:2], 0.0
         point = com[:2] - wanted[:2] * height / lift
-        within, error = nearest_within(np.concatenate([each[0] for each in chosen]), point)
-        error += 8.0 * ROUNDING * (1.0 + float(np.abs(com).max()))
+        corners = np.round(np.concatenate([each[0] for each in chosen]), NANOMETRE)
+        within = nearest_within(corners, point)
+        error = 8.0 * ROUNDING * (1.0 + float(np.abs(point).max()))
         return (com[:2] - within) * lift / height, error * lift / height
 
 
-def nearest_within(points: Array, point: Array) -> tuple[Array, float]:
-    """Return the point of a hull that is nearest to one, (2,), and its error for points to 1 nm.
-
-    Args:
-        points: of which the hull is, (k, 2) [m].
-        point: (2,) [m].
-    """
+def nearest_within(points: Array, point: Array) -> Array:
+    """Return the point of the convex hull of others, (k, 2), that is nearest to one, (2,)."""
     hull = ConvexHull(points)
     if (hull.equations[:, :2] @ point + hull.equations[:, 2] <= 0.0).all():
-        return point, 0.0
+        return point
     start, end = points[hull.simplices[:, 0]], points[hull.simplices[:, 1]]
     along = end - start
     share = ((point - start) * along).sum(1) / (along**2).sum(1)
     feet = start + np.clip(share, 0.0, 1.0)[:, None] * along
-    away = np.linalg.norm(feet - point, axis=1)
-    nearest = int(np.argmin(away))  # an edge that turns about its end moves the foot by `turn`
-    turn = float(away[nearest] / np.linalg.norm(along[nearest]))
-    return feet[nearest], 2.0 * OUTLINE_M * (1.0 + turn)
+    found: Array = feet[int(np.argmin(np.linalg.norm(feet - point, axis=1)))]
+    return found
 
 
 def loaded_options(timers: Array, lost_after_s: float, exact_s: float) -> Sequence[Flags]:
