@@ -28,6 +28,7 @@ from hoap3.tools.verify.verify import verify
 pytestmark = pytest.mark.slow
 
 N, BASE = 21, 6
+CONFIGS = Path(__file__).parents[3] / "remote_controller" / "configs"
 PAIRS = {
     "tsid": ("hoap3_standing_torque", "tsid_standing"),
     "ghc": ("hoap3_standing_torque", "ghc_standing"),
@@ -129,3 +130,41 @@ def test_other_numbers_in_the_config_are_found(name, key, value, story, tmp_path
     changed = rewrite(story(name), "controller", tmp_path, list, json.dumps(config).encode())
 
     assert verify(changed).claims.false
+
+
+def test_what_stands_in_for_the_optimum_is_verified(tmp_path):
+    """Torques that are too small: the robot sinks, and its soles leave the ground."""
+    robot, controller = PAIRS["tsid"]
+    weak = "controller.parameters.bounds.torque_max=[0.6]"
+    names = "--robot", robot, "--controller", controller
+    run = ran(tmp_path / "run", *names, sets=[weak], seconds=0.4)
+
+    claims = verify(run / "controller.mcap").claims
+
+    assert claims.by_tick() == []
+    assert claims.counts["optimum"].checked > claims.counts["certified: solved"].checked > 0
+    assert claims.counts["braking"].checked > 0
+    assert claims.counts["fallback: least violation"].unverified
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "optima"),
+    [
+        ("hqp", {}, 0),
+        ("weighted", {"priorities": {"weights": {"upright": 0.01, "posture": 1e-4}}}, 50),
+    ],
+)
+def test_other_controllers_of_a_free_base_are_verified(name, changes, optima, tmp_path):
+    robot, controller = PAIRS["ghc"]
+    config = parse_yaml((CONFIGS / f"{controller}.yaml").read_text("utf-8"), "config")
+    config["controller"] = name
+    config["parameters"].update(changes)
+    path = tmp_path / "config.yaml"
+    path.write_text(json.dumps(config), "utf-8")
+    run = ran(tmp_path / "run", "--robot", robot, "--controller", path, seconds=0.05)
+
+    counts = verify(run).claims.counts
+
+    assert not any(count.false for count in counts.values())
+    assert counts["equations of motion"].checked == counts["margin"].checked == 50
+    assert counts["optimum"].checked == optima
