@@ -44,7 +44,6 @@ from hoap3.remote_controller.problems.oracles.robot_oracle import RigidBody, Rob
 from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import (
     ROUNDING,
     AccelerationTask,
-    FiniteDifference,
     acceleration_task_of,
     gains_of,
     stack_rows,
@@ -123,6 +122,8 @@ class AccelerationProblems(ProblemBuilder):
     defaults: ClassVar[Settings]
     proves: ClassVar[bool] = True
     """Whether the controller states the residual, and certifies by it."""
+    free: ClassVar[bool] = False
+    """Whether the base is free."""
 
     def __init__(
         self,
@@ -132,7 +133,7 @@ class AccelerationProblems(ProblemBuilder):
         controller: str,
     ) -> None:
         super().__init__(description, parameters, session, controller)
-        if parameters.get("base") == "free":
+        if (parameters.get("base") == "free") != self.free:
             raise UnverifiableError(FREE_BASE)
         try:
             self._build(description, parameters, session)
@@ -173,10 +174,10 @@ class AccelerationProblems(ProblemBuilder):
         kinds = description.command_kinds
         self._torques = next(kind for kind in kinds if kind != "position") == "torque"
         self.settings = self._complete(parameters)
-        self._robot = robot = Robot(description, self.history.messages)
+        self._robot = robot = self._robot_of(description)
         entries = self.entries(self.settings)
         self.names = [str(e.get("name") or e.get("task") or e["kind"]) for e in entries]
-        self.tasks = [_task_of(entry, robot) for entry in entries]
+        self.tasks = [self._task_of(entry) for entry in entries]
         self._wrench_tasks = {
             place: task for place, task in enumerate(self.tasks) if isinstance(task, WrenchTask)
         }
@@ -201,9 +202,17 @@ class AccelerationProblems(ProblemBuilder):
         robot.move(np.zeros(description.n))
         for task in self.tasks:
             task.begin(robot, 0.0)
-        still = np.zeros(description.n)
+        still = np.zeros(robot.width)
         sizes = [len(task.at(robot, still, 0.0, description.period_s).error) for task in self.tasks]
         self.edges = np.cumsum([0, *sizes]).tolist()
+
+    def _robot_of(self, description: RobotDescription) -> Robot:
+        return Robot(description, self.history.messages)
+
+    def _task_of(self, entry: Settings) -> AccelerationTask:
+        if entry["task"] == "wrench":
+            return WrenchTask(entry["parameters"], self._robot)
+        return acceleration_task_of(entry, self._robot)
 
     def _complete(self, parameters: Settings) -> dict[str, Any]:
         given = {key: each for key, each in parameters.items() if key not in FREE_BASE_ONLY}
@@ -225,8 +234,8 @@ class AccelerationProblems(ProblemBuilder):
         pairs = zip(self.entries(settings), self.entries(before), strict=True)
         for place, (entry, old) in enumerate(pairs):
             task = self.tasks[place]
-            if isinstance(task, FiniteDifference) and entry["parameters"] != old["parameters"]:
-                self.tasks[place] = _task_of(entry, self._robot)
+            if task.by_differences and entry["parameters"] != old["parameters"]:
+                self.tasks[place] = self._task_of(entry)
                 self.tasks[place].take_over(task)
         self.settings = settings
         self._apply(settings)
@@ -482,12 +491,6 @@ class AccelerationProblems(ProblemBuilder):
         rows = Rows.of(cycle.M / most[:, None], -1.0 - cycle.h / most, 1.0 - cycle.h / most)
         excess = infeasibility(rows, limits)
         return Claim("fallback: none is within all", excess, 0.0, RELATIVE, "at_least")
-
-
-def _task_of(entry: Settings, robot: Robot) -> AccelerationTask:
-    if entry["task"] == "wrench":
-        return WrenchTask(entry["parameters"], robot)
-    return acceleration_task_of(entry, robot)
 
 
 def _absence(importance: Array) -> NDArray[np.float64]:

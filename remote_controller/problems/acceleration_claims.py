@@ -26,6 +26,8 @@ NOT_SENT = (
 class Cycle:
     """What an answer depends on, and its motion.
 
+    With a free base, dq, ddq, J, M and h have 6 numbers or columns of the base before the joints'.
+
     Attributes:
         dq: (n,).
         rows: of all tasks, below each other; J is (m, n).
@@ -84,7 +86,9 @@ def lyapunov_claims(setpoint: Any, cycle: Cycle, top: Flags, T: float) -> list[C
     off += DOUBT * T * float(np.abs(slope) @ change_exact + slope_exact @ (np.abs(change) + 1.0))
     off += RELATIVE * required
     claims.append(Claim("required V rate", float(setpoint["v_rate_required"]), required, off))
-    speed, near = np.abs(cycle.dq + T * cycle.ddq), T * cycle.ddq_error + RELATIVE * ACTIVE
+    joints = slice(-len(cycle.tau), None)  # not the base
+    speed = np.abs(cycle.dq + T * cycle.ddq)[joints]
+    near = T * cycle.ddq_error[joints] + RELATIVE * ACTIVE
     return [*claims, active_joints_claim(setpoint, speed, near)]
 
 

@@ -278,7 +278,8 @@ def _stationarity(
         pull = smooth + held @ normals
         pull -= np.maximum(np.minimum(pull, slack), -slack)
         rounding = doubt + ROUNDING * (held @ np.abs(normals))
-        off, allowed = np.abs(D @ pull), most + scale @ (rounding + sides.A_error @ held)
+        rest = ROUNDING * (np.abs(D @ normals.T) @ held).max(initial=0.0)  # of least squares
+        off, allowed = np.abs(D @ pull), most + rest + scale @ (rounding + sides.A_error @ held)
         if (off <= allowed).all() or not still.any():
             break
     return off, allowed

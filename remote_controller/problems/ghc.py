@@ -136,18 +136,14 @@ class GhcProblems(AccelerationProblems):
             cycle: of the tasks' desired accelerations and priorities.
             J: of the tasks' variables, (m, n); those of the last are q̈ or τ − h, too.
         """
-        settings, alpha = self.settings, cycle.importance
-        k = len(alpha)
+        settings = self.settings
         d = min(settings["null_damping_per_s"], 1.0 / self.history.description.period_s)
         J = np.vstack([J, self._last_rows(cycle)])
         b = np.concatenate([cycle.desired, -d * cycle.dq])
         b_error = np.concatenate([cycle.desired_error, ROUNDING * np.abs(d * cycle.dq)])
         b_error = b_error + ROUNDING * np.abs(b)
         edges = [*self.edges, len(b)]
-        whole = np.zeros((k + 1, k + 1))
-        whole[:k, :k], whole[k, :k] = alpha, 1.0 - alpha.diagonal()
-        if settings["null_damping_per_s"] == 0.0:
-            whole[k] = 1.0
+        whole = with_braking(cycle.importance, brakes=settings["null_damping_per_s"] > 0.0)
         rows = Wanted(J, b, b_error, edges)
         return condensed(rows, whole, float(settings["w_r"]), float(settings["smoothing"]))
 
@@ -181,6 +177,16 @@ class GhcTorqueProblems(GhcProblems):
 
     def _last_rows(self, cycle: Cycle) -> Array:
         return _inverse(cycle.M)
+
+
+def with_braking(alpha: Array, *, brakes: bool) -> Array:
+    """Return priorities (k + 1, k + 1) of tasks and, below all active ones, of what brakes."""
+    k = len(alpha)
+    whole = np.zeros((k + 1, k + 1))
+    whole[:k, :k], whole[k, :k] = alpha, 1.0 - alpha.diagonal()
+    if not brakes:
+        whole[k] = 1.0
+    return whole
 
 
 class Projectors:
@@ -267,6 +273,13 @@ def condensed(wanted: Wanted, alpha: Array, w: float, width: float) -> Condensed
     return Condensed(S, q0, q0_error)
 
 
+def roots_of(S: Array) -> tuple[Array, Array]:
+    """Return V (n, N) and l (N,) of S = V diag(l²) Vᵀ."""
+    values, vectors = np.linalg.eigh(S)
+    kept = values > SINGULAR * values[-1]
+    return vectors[:, kept], np.sqrt(values[kept])
+
+
 def program_of(
     tasks: Condensed,
     weight: float,
@@ -287,11 +300,8 @@ def program_of(
         shift: (n,).
     """
     S, q0, q0_error = tasks
-    values, vectors = np.linalg.eigh(S)
-    kept = values > SINGULAR * values[-1]
-    length = np.sqrt(values[kept])
-    U = vectors[:, kept] * length
-    z = vectors[:, kept].T @ (x.found - q0) / length
+    V, length = roots_of(S)
+    U, z = V * length, V.T @ (x.found - q0) / length
     N, n = len(z), len(q0)
     T, t = M @ U, M @ q0 + h
     R, r = np.eye(N), np.zeros(N)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -55,6 +55,7 @@ class History:
         requests: for other priorities, which a builder has not processed yet.
         states, rejected: how many States there were, and how many of other layouts.
         needed: fields of a State without which a cycle cannot be repeated.
+        accepts: whether a State of finite numbers can be computed with.
     """
 
     def __init__(self, description: RobotDescription, session: Mapping[str, Any]) -> None:
@@ -74,6 +75,7 @@ class History:
         self.states, self.rejected = 0, 0
         self._reset_at: Any = None
         self.needed: tuple[str, ...] = FINITE
+        self.accepts: Callable[[Any], bool] = lambda _: True
         self._gap = self._skips_answers = False
         self._layouts: dict[type[Message], _Layout] = {}  # of the newest message
 
@@ -124,7 +126,7 @@ class History:
             if self.first is not None and self.periods_between(last, state) > 0:
                 self.before = last
         self.answer, self._skips_answers = None, False
-        self.state, self.finite = state, is_finite(state, *self.needed)
+        self.state, self.finite = state, is_finite(state, *self.needed) and self.accepts(state)
         self.fresh = self.was_reset = self._gap = False
         if self._reset_at is None:  # reset before its first State
             self._reset_at = state

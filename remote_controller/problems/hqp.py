@@ -74,8 +74,7 @@ class HqpProblems(AccelerationProblems):
 
     def tops(self, importance: Array) -> Flags:
         """Return the tasks of the first level."""
-        first = [each for level in levels_of(importance)[:1] for each in level]
-        return np.isin(np.arange(len(importance)), first)
+        return first_level(importance)
 
     def optimum(self, cycle: Cycle) -> Optimum:
         """State the cascade within bounds and torques."""
@@ -188,6 +187,12 @@ def _sensitivity(A: Array, w: float, V: Array) -> tuple[Array, Array]:
     K = np.block([[A.T @ A + w * np.eye(N), unit.T], [unit, corner]])
     inverse = np.linalg.pinv(K, DEPENDENT, hermitian=True)
     return inverse[:N, :N] @ A.T, inverse[:N, N:] / length
+
+
+def first_level(alpha: Array) -> Flags:
+    """Return which tasks are of the highest level, (k,), from priorities (k, k)."""
+    first = [each for level in levels_of(alpha)[:1] for each in level]
+    return np.isin(np.arange(len(alpha)), first)
 
 
 def levels_of(alpha: Array) -> list[list[int]]:

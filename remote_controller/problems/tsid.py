@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hoap3.remote_controller.problems.acceleration import TINY, Wish
+from hoap3.remote_controller.problems.acceleration import TINY, AccelerationProblems, Wish
 from hoap3.remote_controller.problems.acceleration_claims import Cycle
 from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
@@ -39,10 +39,8 @@ POSE, REST = "pose", "rest"
 LEAST_WEIGHT = 1e-9  # of the posture
 
 
-class TsidProblems(WeighedProblems):
-    """The problems of `tsid`; arguments as of every `ProblemBuilder`."""
-
-    defaults: ClassVar[Settings] = DEFAULTS
+class TasksOfTsid(AccelerationProblems):
+    """Tasks and weights of `tsid`, with a fixed or a free base."""
 
     def entries(self, settings: Settings) -> list[Settings]:
         """Return the tasks, or one pose, and last the posture."""
@@ -61,9 +59,15 @@ class TsidProblems(WeighedProblems):
 
     def tops(self, importance: Array) -> Flags:
         """Return the tasks with weight, without the posture."""
-        tops = super().tops(importance)
+        tops = importance > 0.0
         tops[-1] = False
         return tops
+
+
+class TsidProblems(TasksOfTsid, WeighedProblems):
+    """The problems of `tsid`; arguments as of every `ProblemBuilder`."""
+
+    defaults: ClassVar[Settings] = DEFAULTS
 
     def cost(self, cycle: Cycle) -> LeastSquares:
         """Return (33)."""

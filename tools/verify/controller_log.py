@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -20,8 +20,7 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.remote_controller.problems.oracles.tasks.live_oracle import Messages, Taken
-from hoap3.tools.logs.disk_rows import DiskRows, RowsAt, parts
+from hoap3.tools.logs.disk_rows import DiskRows, RowsAt
 
 Rows = NDArray[Any]
 EVENTS = Event.schema.constants
@@ -35,15 +34,11 @@ class ControllerRun:
         description: of the robot.
         session: what the controller recorded at its begin: `lockstep`, `extra` (names of the
             columns of Setpoint.extra), `conditions`, …
-        changes: (how many States were processed before it, the request) of each change.
         resets: how many States had been processed at each reset that is recorded, ascending: the
             State with that place is the first after it.
         gaps: places of States before which records are missing from the log.
         overwritten: how many States the controller says it never saw, by the place of the next.
-        targets: messages of live targets that it took.
         epochs: (how many States were processed before it, epoch) of each authority.
-        in_force: the controller's parameters at each State, where they changed and it is judged as
-            a whole; else empty.
         conditions: (place of the State, number, whether it began) of each condition that began or
             ended, in their order.
         strange: messages that no State or Setpoint of this robot can be.
@@ -52,26 +47,17 @@ class ControllerRun:
 
     description: RobotDescription
     session: dict[str, Any]
-    changes: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
-    targets: list[Taken] = field(default_factory=list)
     resets: list[int] = field(default_factory=list)
     gaps: list[int] = field(default_factory=list)
     overwritten: dict[int, int] = field(default_factory=dict)
     epochs: list[tuple[int, int]] = field(default_factory=list)
-    in_force: list[Mapping[str, Any]] = field(default_factory=list)
     conditions: list[tuple[int, int, bool]] = field(default_factory=list)
     strange: int = 0
     orphans: int = 0
     _states: DiskRows = field(default_factory=DiskRows)
     _answers: DiskRows = field(default_factory=DiskRows)
     _answered: array[int] = field(default_factory=lambda: array("q"))
-    _newest_state: bytes = b""
     _forms: dict[type[Message], Message] = field(default_factory=dict)
-
-    @property
-    def messages(self) -> Messages:
-        """What it took for its live targets."""
-        return Messages(self.targets, self.session.get("targets") or ())
 
     @cached_property
     def states(self) -> Rows:
@@ -114,20 +100,6 @@ class ControllerRun:
         found[start:] = bool(held)
         return np.asarray(found[self.answered])
 
-    def settings(
-        self, parameters: Mapping[str, Any]
-    ) -> list[tuple[NDArray[np.bool_], Mapping[str, Any]]]:
-        """At which States, (S,), which parameters count: those of the config, unless they changed.
-
-        Args:
-            parameters: of the config.
-        """
-        if not self.in_force:
-            return [(np.ones(len(self.states), bool), parameters)]
-        which = np.array([id(each) for each in self.in_force])
-        different = {id(each): each for each in self.in_force}
-        return [(which == number, each) for number, each in different.items()]
-
     def only(self, answers: NDArray[np.bool_] | slice) -> ControllerRun:
         """The same with some of its answers, by a mask (N,) or a slice."""
         part = replace(self)
@@ -135,10 +107,6 @@ class ControllerRun:
         part.__dict__["answers"] = self.answers[answers]
         part.__dict__["answered"] = self.answered[answers]
         return part
-
-    def parts(self) -> Iterator[ControllerRun]:
-        """Its answers, a part at a time."""
-        return (self.only(part) for part in parts(len(self.answers)))
 
 
 def runs(records: Iterable[Record]) -> Iterator[ControllerRun]:
@@ -177,23 +145,13 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
             run.conditions.append((place, detail, began))
     elif kind == Kind.AUTHORITY:
         run.epochs.append((len(run._states), int(json.loads(payload)["epoch"])))
-    elif kind == Kind.CHANGE:
-        run.changes.append((len(run._states), json.loads(payload)))
-    elif kind == Kind.TARGET:
-        _add_target(run, payload)
     elif kind == Kind.GAP:
         run.gaps.append(len(run._states))
-
-
-def _add_target(run: ControllerRun, payload: bytes) -> None:
-    (tick,) = State.scalars(run._newest_state, "tick") if run._states else (-1,)
-    run.targets.append(Taken.of(payload, tick, run.description.period_s))
 
 
 def _add_state(run: ControllerRun, payload: bytes) -> None:
     if _fits(State, payload, run._forms, q=run.description.n):
         run._states.add(payload)
-        run._newest_state = payload
     else:
         run.strange += 1
 

@@ -21,7 +21,6 @@ from hoap3.remote_controller.problems.check import check
 from hoap3.remote_controller.problems.history import ProblemBuilder
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.registry import BUILTIN, find
-from hoap3.tools.verify.checkers import FUNCTIONS
 from hoap3.tools.verify.claims import Claims
 
 BUILDERS = {
@@ -39,8 +38,14 @@ BUILDERS = {
     "tsid": "tsid:TsidProblems",
     "weighted": "weighted:WeightedProblems",
 }
-"""Module and class in `remote_controller.problems`, by the controller's registered name; others
-have a checker of their own."""
+WITH_FREE_BASE = {
+    "ghc": "free_base_optima:GhcFreeProblems",
+    "hqp": "free_base_optima:HqpFreeProblems",
+    "tsid": "free_base_optima:TsidFreeProblems",
+    "weighted": "free_base_optima:WeightedFreeProblems",
+}
+"""Module and class in `remote_controller.problems`, by the controller's registered name, with
+`base: fixed` and `base: free`; others have a checker of their own."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"
@@ -51,8 +56,8 @@ PART = 5000  # answers whose findings are counted together
 
 def builder_of(
     controller: str, parameters: Mapping[str, Any], *, allow_code: bool = False
-) -> type[ProblemBuilder] | None:
-    """The builder of a controller's problems; None for one of ours without, as of a free base.
+) -> type[ProblemBuilder]:
+    """The builder of a controller's problems.
 
     Args:
         controller: registered, or a dotted path.
@@ -64,9 +69,8 @@ def builder_of(
     """
     if controller not in BUILTIN:
         return _problem_type(controller, allow_code=allow_code)
-    if controller not in BUILDERS or (controller in FUNCTIONS and parameters.get("base") == "free"):
-        return None
-    module, name = BUILDERS[controller].split(":")
+    free = parameters.get("base") == "free" and controller in WITH_FREE_BASE
+    module, name = (WITH_FREE_BASE if free else BUILDERS)[controller].split(":")
     module = f"hoap3.remote_controller.problems.{module}"
     found: type[ProblemBuilder] = getattr(import_module(module), name)
     return found
@@ -157,7 +161,7 @@ def check_engagements(
 
     Args:
         records: all of the log.
-        controller: its name; without a builder of one of ours, nothing is checked.
+        controller: its name.
         parameters: of the log's config.
         claims: takes what was compared.
         answers: how many the log has.
@@ -171,8 +175,6 @@ def check_engagements(
         UnverifiableError: as of `builder_of`.
     """
     kind = builder_of(controller, parameters, allow_code=allow_code)
-    if kind is None:
-        return
     if most is None and not kind.checks_every_answer:
         most = SAMPLE
     own = (Exception, SystemExit)  # a user's builder must not end the verification

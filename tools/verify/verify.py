@@ -19,13 +19,11 @@ from hoap3.remote_controller.problems.oracles.tasks.trajectories_oracle import w
 from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both, enclosed_alike
-from hoap3.tools.verify.changes import with_numbers
-from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
-from hoap3.tools.verify.controllers.leaving import check_leaving
 from hoap3.tools.verify.forked import Forked, processors
+from hoap3.tools.verify.leaving import check_leaving
 from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
@@ -263,22 +261,19 @@ def _check_controller(
     allow_code: bool,
 ) -> None:
     name, parameters = _controller(config)
-    check, has_builder, reason = checker_of(name), False, "the log has no config"
+    reason = "the log has no config" if config is None else ""
     try:
         if config is not None:
-            has_builder = builder_of(name, parameters, allow_code=allow_code) is not None
+            builder_of(name, parameters, allow_code=allow_code)
     except UnverifiableError as error:
         reason = str(error)
     for run in runs(log.records()):
         check_order(run, claims)
         say(f"{len(run.answers)} answers")
-        if has_builder:
-            check_leaving(run, parameters, claims)
-        elif check is None:
+        if reason:
             claims.unverified("certificate", len(run.answers), reason)
-        elif len(run.answers):
-            for part, given in with_numbers(run, name, parameters):
-                check(check_leaving(part, given, claims), given, claims)
+        else:
+            check_leaving(run, parameters, claims)
 
 
 def _check_problems(

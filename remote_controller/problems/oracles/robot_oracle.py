@@ -29,11 +29,12 @@ class Robot:
         G, g0: (m, n) and (m,), of q_pinocchio = G·q + g₀: joints of the wire, and their mimic
             joints.
         positions: joint positions, (n,) [rad or m], in wire order.
+        width: columns of Jacobians, n.
     """
 
     def __init__(self, description: RobotDescription, messages: Messages | None = None) -> None:
         self.description, self._built = description, build_model(description)
-        self.messages = messages
+        self.messages, self.width = messages, description.n
         self.model, self.data = self._built.model, self._built.data
         self.G, self.g0 = mimic_matrix(description, self.model)
         self.q, self.positions = np.zeros(self.model.nq), np.zeros(description.n)

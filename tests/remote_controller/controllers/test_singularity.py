@@ -26,7 +26,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun, runs
-from hoap3.tools.verify.controllers.leaving import check_leaving
+from hoap3.tools.verify.leaving import check_leaving
 
 ONE_POINT = ("qp12", "pinv", "osqp")
 EVERY = (*ONE_POINT, "stable_qp", "clik", "clik_sdp", "ghc_velocity")

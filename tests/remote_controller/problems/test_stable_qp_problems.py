@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.oracles.stable_qp_arrays.check import check as check_arrays
 
 from hoap3.protocol.messages import Setpoint, Target
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.problems.stable_qp import StableQpProblems
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.statements import check_statements
 
 sys.path.append(str(Path(__file__).parents[2] / "tools" / "verify"))
@@ -99,27 +97,6 @@ def test_a_changed_number_is_found_at_its_tick(name, field):
     found = checked(records, parameters)
 
     assert {one.tick for one in found.by_tick()} == {setpoint.tick}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("name", ["moving target", "slow joints", "largest speed"])
-def test_what_arrays_over_the_whole_log_find_is_found(name, seed):
-    """The former checker, which judges all cycles at once, is the oracle."""
-    records, parameters = run(name, 80)
-    random = np.random.default_rng(seed)
-    place = [i for i, record in enumerate(records) if record.kind == Kind.SETPOINT][60]
-    setpoint = Setpoint.like(records[place].payload)
-    setpoint.load(records[place].payload)
-    joint, by = random.integers(setpoint.decision.size), 10.0 ** random.uniform(-9.0, -3.0)
-    setpoint.decision[joint] += by
-    records[place] = records[place]._replace(payload=setpoint.dump())
-    former = Claims()
-    check_arrays(next(iter(runs(records))), parameters, former)
-
-    found = checked(records, parameters)
-
-    assert {one.tick for one in former.by_tick()} <= {one.tick for one in found.by_tick()}
 
 
 @pytest.mark.long

@@ -23,13 +23,13 @@ from hoap3.remote_controller.problems.ghc import (
 )
 from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import stopping_speed
 from hoap3.remote_controller.problems.oracles.parameters import NOT_READ, UnverifiableError
+from hoap3.remote_controller.problems.parameters_in_force import OF_CHANGES
 from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
 from hoap3.remote_controller.problems.velocity import velocity_bounds
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling import priorities as scheduling
 from hoap3.remote_controller.scheduling.priorities import PrioritySettings, top_level
 from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
-from hoap3.tools.verify.changes import OF_CHANGES
 
 SIZES, EDGES, ROWS = [3, 2], [0, 3, 5], [slice(0, 3), slice(3, 5)]
 

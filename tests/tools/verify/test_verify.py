@@ -405,8 +405,9 @@ def test_the_command_says_so_with_its_exit_code(story, tmp_path):
 def test_no_kernel_no_solver_and_no_emulator_is_imported(story):
     code = (
         "import sys; from pathlib import Path; from hoap3.tools.verify.verify import verify;"
-        "from hoap3.tools.verify.statements import BUILDERS, builder_of;"
+        "from hoap3.tools.verify.statements import BUILDERS, WITH_FREE_BASE, builder_of;"
         f"verify(Path({str(story)!r})); [builder_of(name, {{}}) for name in BUILDERS];"
+        "[builder_of(name, {'base': 'free'}) for name in WITH_FREE_BASE];"
         "print([m for m in sys.modules if m.endswith('_kernels') or m in ('numba', 'daqp', 'osqp')"
         " or m.startswith('hoap3.robot_emulator')])"
     )
@@ -427,14 +428,14 @@ def test_it_shares_no_text_with_what_it_judges():
     assert {name: blocks for name, blocks in shared.items() if blocks} == {}
 
 
-def test_every_registered_controller_has_a_checker():
-    from hoap3.remote_controller.registry import registered
-    from hoap3.tools.verify.checkers import FUNCTIONS, checker_of
-    from hoap3.tools.verify.statements import BUILDERS, builder_of
+def test_every_registered_controller_has_a_builder():
+    from hoap3.remote_controller.registry import find, registered
+    from hoap3.tools.verify.statements import BUILDERS, WITH_FREE_BASE, builder_of
 
-    assert FUNCTIONS.keys() | BUILDERS.keys() == set(registered())
-    assert all(builder_of(name, {}) is not None for name in BUILDERS)
-    assert all(checker_of(name) is not None for name in FUNCTIONS)
+    assert BUILDERS.keys() == set(registered())
+    free = {name for name in registered() if getattr(find(name), "stands_free", False)}
+    assert free == WITH_FREE_BASE.keys()
+    assert all(builder_of(name, {"base": "free"}) for name in registered())
 
 
 def test_defaults_are_those_of_the_controllers():

@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.oracles.stable_qp_arrays.judge import most_by_bounds
-from support.oracles.stable_qp_arrays.largest import KEPT, missing
-from support.oracles.stable_qp_arrays.scaled import Scaled
 from tampering import (
     ANSWERS,
     SETPOINT,
@@ -30,7 +27,7 @@ from tampering import (
 
 from hoap3.remote_controller.problems import stable_qp_settings as settings
 from hoap3.remote_controller.problems.oracles.parameters import complete
-from hoap3.tools.verify.changes import OF_CHANGES
+from hoap3.remote_controller.problems.parameters_in_force import OF_CHANGES
 from hoap3.tools.verify.verify import verify
 
 pytestmark = pytest.mark.slow
@@ -201,28 +198,6 @@ def test_a_parameter_that_is_none_is_not_reckoned_with(wrong, story, tmp_path):
 
     assert found.verdict == "not verified"
     assert found.claims.counts["certificate"].checked == 0
-
-
-@pytest.mark.parametrize("short", [0.0, 1e-9, 1e-7, 1e-5, 1e-3])
-def test_a_fall_below_the_largest_is_one_that_the_solver_tries(short):
-    def found(share: float) -> bool:
-        p = in_a_box(np.array([-0.3, 0.15]) * (1.0 - share))
-        return missing(p, most_by_bounds(p), KEPT).nothing
-
-    assert found(short)
-    assert found(short + 1e-10)
-    assert not found(short * 1.2 + 2e-8)
-    assert not found(short * 3.0 + 2e-8)
-
-
-def in_a_box(y: np.ndarray) -> Scaled:
-    """Two joints whose bounds let V fall by 0.375, which is less than asked."""
-    still, none, rows = np.zeros(2), np.zeros(0), np.zeros((0, 2))
-    most = np.array([0.3, 0.15])
-    return Scaled(
-        y, still, -most, most, 0.0, 1.0, np.array([1.0, -0.5]), still, rows, none,
-        np.zeros(0, bool), rows, none, np.eye(2), still, 2.0, 0.3,
-    )  # fmt: skip
 
 
 def near_zero(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -78,6 +78,11 @@ class AccelerationTask(ABC):
     def watch(self, robot: Robot, time_s: float) -> None:  # noqa: B027 - most have no tolerances
         """Compare with tolerances, once for each State."""
 
+    @property
+    def by_differences(self) -> bool:
+        """Whether changed parameters make another task of it, which takes over its memory."""
+        return False
+
     def take_over(self, other: AccelerationTask) -> None:  # noqa: B027 - most are never replaced
         """Continue with the memory of a task of which only weights differ."""
 
@@ -92,12 +97,17 @@ class AccelerationTask(ABC):
 
 
 class PositionTask(AccelerationTask):
-    """The origin of a frame, with a target in a frame that no joint moves: e = x_d − x."""
+    """The origin of a frame, with a target in a frame that no joint moves: e = x_d − x.
 
-    def __init__(self, target: Target, frame: str, reference: str, robot: Robot) -> None:
+    Without a reference, the target is in the root's axes, of a free base in the world's.
+    """
+
+    def __init__(self, target: Target, frame: str, reference: str | None, robot: Robot) -> None:
         self._target, self._frame = target, frame
-        robot.place(robot.description.initial_position)
-        self._origin, self._axes = root_pose(robot, reference)
+        self._origin, self._axes = np.zeros(3), np.eye(3)
+        if reference is not None:
+            robot.place(robot.description.initial_position)
+            self._origin, self._axes = root_pose(robot, reference)
         self.acceleration = np.zeros(3)
         """Of the target in this period, in the root's axes [m/s²]."""
 
@@ -106,10 +116,14 @@ class PositionTask(AccelerationTask):
         p, _ = root_pose(robot, self._frame)
         self._target.start(self._axes.T @ (p - self._origin), time_s)
 
+    def motion(self, robot: Robot) -> tuple[Array, Array, Array, Array]:
+        """Return x, J, J·v and J̇·v of what moves."""
+        J, twist, drift = (each[:3] for each in robot.frame_motion(self._frame, own_axes=False))
+        return root_pose(robot, self._frame)[0], J, twist, drift
+
     def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> TaskRows:
         """Evaluate the rows of the position."""
-        J, twist, drift = (each[:3] for each in robot.frame_motion(self._frame, own_axes=False))
-        p, _ = root_pose(robot, self._frame)
+        p, J, twist, drift = self.motion(robot)
         moves = [self._axes @ each for each in self._target.over(time_s, period_s)]
         self.acceleration = moves[2]
         wanted, error = self._origin + moves[0], self._origin + moves[0] - p
@@ -177,6 +191,11 @@ class FiniteDifference(AccelerationTask):
         self._task.begin(robot, time_s)
 
     @property
+    def by_differences(self) -> bool:
+        """Always."""
+        return True
+
+    @property
     def watched(self) -> bool:
         """As of the task."""
         return self._task.watched
@@ -242,7 +261,7 @@ def acceleration_task_of(entry: Settings, robot: Robot) -> AccelerationTask:
             if whole
             else FiniteDifference(task)
         )
-    if given.get("turn_s") or not _still(given.get("target")):
+    if given.get("turn_s") or not is_still(given.get("target")):
         return FiniteDifference(task)
     return PoseTask(given["frame"], _goal(given, reference, robot))
 
@@ -266,7 +285,8 @@ def root_pose(robot: Robot, frame: str) -> tuple[Array, Array]:
     return p.copy(), R.copy()
 
 
-def _still(target: Settings | None) -> bool:
+def is_still(target: Settings | None) -> bool:
+    """Return whether a target stays where it is from the start on."""
     return target is None or (
         target.get("kind", "point") == "point" and not target.get("approach_s")
     )

@@ -26,14 +26,12 @@ UNCERTIFIED = schema("Setpoint").constants["STATUS_UNCERTIFIED"]
 WHY = "V and the direction in which a singularity is left are not recomputed"
 
 
-def check_leaving(
-    run: ControllerRun, parameters: Mapping[str, Any], claims: Claims
-) -> ControllerRun:
-    """Check these answers, of any controller of velocities; return the run with all others."""
+def check_leaving(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
+    """Check these answers, of any controller of velocities."""
     leaving = run.during(LEAVING)
     if not leaving.any():
-        return run
-    rest, run = run.only(~leaving), judged(run.only(leaving), claims)
+        return
+    run = judged(run.only(leaving), claims)
     answers, tick, robot = run.answers, run.answers["tick"], run.description
     stated = np.array([answers[name] for name in EMPTY]).T
     claims.equal("leaving: no certificate", tick, stated, np.zeros(stated.shape), 0.0)
@@ -42,7 +40,7 @@ def check_leaving(
     claims.unverified("leaving: direction", len(answers), WHY)
     if robot.delay_ticks:
         claims.unverified("u", len(answers), DELAYED)
-        return rest
+        return
     check_values(run, parameters, claims)
     u, doubt = sent_velocity(run, parameters)
     limits, reference = limits_of(robot, {}), run.answered_states["reference"]
@@ -54,7 +52,6 @@ def check_leaving(
     reach = np.minimum(REACH, OF_RANGE * (robot.upper - robot.lower))
     moved = np.abs(reference - start)
     claims.at_most("leaving: displacement", tick, moved, reach, SETTLED)
-    return rest
 
 
 def reference_rates(run: ControllerRun) -> Array:

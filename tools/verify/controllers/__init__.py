@@ -1,1 +1,0 @@
-"""What each family of controllers claims, recomputed in plain numpy; one family a file."""

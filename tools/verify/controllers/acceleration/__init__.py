@@ -1,1 +1,0 @@
-"""What controllers that command accelerations and torques claim, recomputed in plain numpy."""
