@@ -218,12 +218,16 @@ class VelocityProblems(ProblemBuilder):
             UnverifiableError: a value that cannot be used.
         """
         self.settings = settings_of(parameters, self.defaults)
-        given = self.settings["tasks"]
+        given, before = self.settings["tasks"], self.entries
         self.entries = [default_entry(self.history.description)] if given is None else list(given)
-        tasks = [task_of(entry, self.robot) for entry in self.entries]
-        for task, old in zip(tasks, self.tasks, strict=bool(self.tasks)):
-            task.take_over(old)
-        self.tasks = tasks
+        if self.tasks:
+            changes = zip(self.entries, before, self.tasks, strict=True)
+            self.tasks = [
+                old if _same_task(entry, last) else _continued(task_of(entry, self.robot), old)
+                for entry, last, old in changes
+            ]
+        else:
+            self.tasks = [task_of(entry, self.robot) for entry in self.entries]
         self.sizes = [task.size for task in self.tasks]
         self.rows = [slice(*ends) for ends in pairwise(np.cumsum([0, *self.sizes]).tolist())]
         self.limits = limits_of(self.history.description, self.settings["bounds"])
@@ -325,6 +329,16 @@ class VelocityProblems(ProblemBuilder):
 
     def _errors(self, time_s: float) -> Array:
         return np.concatenate([task.error_at(self.robot, time_s) for task in self.tasks])
+
+
+def _same_task(entry: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two entries differ in nothing that the task itself has."""
+    return all(entry.get(key) == other.get(key) for key in ("task", "parameters"))
+
+
+def _continued(task: AnyTask, old: AnyTask) -> AnyTask:
+    task.take_over(old)
+    return task
 
 
 def _margin_claim(setpoint: Any, cycle: Cycle) -> Claim:

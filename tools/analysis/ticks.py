@@ -289,6 +289,10 @@ class TickTable:
         """
         return self._stages[name]
 
+    def forget_stages(self) -> None:
+        """Free the memory of all stages; they are computed anew where they are asked for."""
+        self.__dict__.pop("_stages", None)
+
     def us(self, name: str) -> FloatArray:
         """A stage, or `rtt`, of every tick [µs]; NaN where there is none."""
         return np.asarray(self.stage(name) / 1e3, float)

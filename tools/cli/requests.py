@@ -60,7 +60,11 @@ def _await_controller(answer: dict[str, Any], connect: str | None) -> dict[str, 
     with suppress(Hoap3Error):
         while status["mode"] == "idle" and time.monotonic() < until:
             time.sleep(LOOK_S)
-            status = ask_robots(answer["robot"], "status", connect)[0][0]
+            for each in ask_robots(answer["robot"], "status", connect)[0]:
+                if each.get("session_id") == answer.get(
+                    "session_id"
+                ):  # others may have the same name
+                    status = each
     return status
 
 

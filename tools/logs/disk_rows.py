@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import math
 import mmap
 import os
@@ -60,10 +61,20 @@ def disk_array(shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
         return np.zeros(shape)
     try:
         with tempfile.TemporaryFile(prefix="hoap3-") as file:
-            os.posix_fallocate(file.fileno(), 0, 8 * math.prod(shape))
+            _reserve(file.fileno(), 8 * math.prod(shape))
             return np.asarray(np.memmap(file, np.float64, "r+", shape=shape))
     except OSError as error:
         raise _no_room(error) from error
+
+
+def _reserve(file: int, size: int) -> None:
+    """Give a file its size, and its room where the file system can."""
+    try:
+        os.posix_fallocate(file, 0, size)
+    except OSError as error:
+        if error.errno not in {errno.EOPNOTSUPP, errno.EINVAL}:
+            raise
+        os.truncate(file, size)
 
 
 class DiskRows:

@@ -39,13 +39,18 @@ class Forked(Generic[Result]):
         self._count, begun = len(works), context.Value("i", 0)
         self._processes = {}
         gc.freeze()  # its collections would copy what the processes share
-        for _ in range(min(processes, len(works))):
-            receiver, sender = context.Pipe(duplex=False)
-            process = context.Process(target=_run, args=(works, begun, sender), daemon=True)
-            process.start()
-            sender.close()
-            self._processes[receiver] = process
-        gc.unfreeze()
+        try:
+            for _ in range(min(processes, len(works))):
+                receiver, sender = context.Pipe(duplex=False)
+                process = context.Process(target=_run, args=(works, begun, sender), daemon=True)
+                process.start()
+                sender.close()
+                self._processes[receiver] = process
+        except OSError:
+            self.end()
+            raise
+        finally:
+            gc.unfreeze()
 
     def gather(self, say: Say) -> list[Result]:
         """Wait for all results, in the order of the functions.

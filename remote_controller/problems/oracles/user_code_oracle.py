@@ -98,12 +98,15 @@ class UserTask(task_oracle.Task):
     def __init__(self, entry: Mapping[str, Any], robot: Robot) -> None:
         self._name = str(entry["task"])
         self._kinematics = plain_kinematics(robot)
-        given = tasks.TaskSettings(task=self._name, parameters=dict(entry.get("parameters") or {}))
         with _of_users(self._name):
-            self._function = tasks.build(given, robot.description, self._kinematics)
-        rows, jacobian, _ = self._function.followed
-        if not len(rows) or jacobian is not self._function.jacobian:
-            raise UnverifiableError(f"task {self._name:.60} is not an error e with V = ½|e|²")
+            given = {"task": self._name, "parameters": dict(entry.get("parameters") or {})}
+            settings = tasks.TaskSettings.model_validate(given)
+            level = tasks.find(self._name).levels[0]
+            robot_of = robot.description
+            self._function = tasks.build(settings, robot_of, self._kinematics, level=level)
+            rows, jacobian, _ = self._function.followed
+            if not len(rows) or jacobian is not self._function.jacobian:
+                raise UnverifiableError(f"task {self._name:.60} is not an error e with V = ½|e|²")
         super().__init__(Hold(len(rows)), np.ones(len(rows)))
         self._at: tuple[Array, float] | None = None
         self._size = 1.0

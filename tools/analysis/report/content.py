@@ -48,6 +48,8 @@ class Content:
         intervals: in which conditions of the controller held; None without its log.
         gaps: what is missing, and why, in sentences.
         drawings: figures by section.
+        tick_figures: under the names that `run --json` gives them; durations unless all time is
+            virtual.
     """
 
     sources: Sources
@@ -58,6 +60,7 @@ class Content:
     intervals: tuple[Interval, ...] | None
     gaps: tuple[str, ...]
     drawings: Mapping[str, list[Drawing]]
+    tick_figures: Mapping[str, Any]
 
     @cached_property
     def conditions(self) -> list[Condition] | None:
@@ -73,13 +76,6 @@ class Content:
     def certificates(self) -> Certificates | None:
         """What the answers prove, or None."""
         return self.motion.certificates if self.motion else None
-
-    @cached_property
-    def tick_figures(self) -> dict[str, Any]:
-        """Under the names that `run --json` gives them; durations unless all time is virtual."""
-        found = self.sources.summary.get("realtime")
-        realtime = list(map(str, found)) if isinstance(found, list) else None
-        return tick_figures([self.ticks], realtime=realtime) if self.ticks else {}
 
     @cached_property
     def judged(self) -> dict[str, Any]:
@@ -239,6 +235,16 @@ def _unchecked(sources: Sources, robot: str | None) -> Content:
         session_id = motion.session_id if motion is not None else None
         intervals = tuple(read_intervals(sources.controller, session_id))
     certificates = motion.certificates if motion is not None else None
+    drawings = {
+        "motion": motion_drawings(motion, robot) if motion else [],
+        "certificates": certificate_drawings(certificates) if certificates else [],
+        "time": timing_drawings(ticks) if ticks else [],
+    }
+    found = sources.summary.get("realtime")
+    realtime = list(map(str, found)) if isinstance(found, list) else None
+    figures = tick_figures([ticks], realtime=realtime) if ticks else {}
+    if ticks is not None:
+        ticks.forget_stages()
     return Content(
         sources=sources,
         motion=motion,
@@ -247,11 +253,8 @@ def _unchecked(sources: Sources, robot: str | None) -> Content:
         events=tuple(event for log in sources.logs for event in read_events(log)),
         intervals=intervals,
         gaps=tuple(gaps),
-        drawings={
-            "motion": motion_drawings(motion, robot) if motion else [],
-            "certificates": certificate_drawings(certificates) if certificates else [],
-            "time": timing_drawings(ticks) if ticks else [],
-        },
+        drawings=drawings,
+        tick_figures=figures,
     )
 
 

@@ -18,6 +18,7 @@ from hoap3.tools.picture.poses import BASE
 
 ROUNDING = 1e-9  # of a margin: nearer to 0 is inside
 MORE = 1.01  # times the first error: that it is the largest one says something
+LEAST = 1e-6  # of an error, in its unit; less is rounding, as where it is 0 at first
 SEEN = 0.02  # rad or m: postures that differ by less look the same
 
 
@@ -127,7 +128,7 @@ def _worst(
     stated = "" if least is None else _with_unit(float(margin[least]), of_margin, "its constraint")
     if least is not None and margin[least] < -ROUNDING:
         yield answered[least], f"constraint violated, margin {stated}"
-    elif most is not None and error[most] > MORE * error[np.isfinite(error)][0]:
+    elif most is not None and error[most] > max(MORE * error[np.isfinite(error)][0], LEAST):
         scale, unit = (1e3, "mm") if of_error == "m" else (1.0, of_error)
         yield rows[most], f"{what} {_with_unit(scale * error[most], unit, 'the task')}"
     else:

@@ -44,6 +44,10 @@ MARGIN_UNITS = dict.fromkeys(("qp12", "pinv", "osqp"), "rad/s")
 """Units of the smallest margin; that of other controllers is its constraint's."""
 
 
+POSE_BY_DEFAULT = frozenset({"tsid"})
+"""Of these the default task is a pose, whose V adds squares of metres and radians."""
+
+
 @dataclass
 class Motion(AnswerSeries):
     """The active part of one session, with its answers.
@@ -279,7 +283,7 @@ def _follow(
         "path_m": path,
         "sole_m": sole,
         "target_m": target,
-        "v_in_metres": fixed is not None,
+        "v_in_metres": fixed is not None and str(settings.get("controller")) not in POSE_BY_DEFAULT,
     }
 
 

@@ -55,7 +55,7 @@ def page(content: Content) -> str:
     given: dict[str, Any] = {}
     if ticks is not None and not ticks.lockstep:
         figures = content.tick_figures
-        given = {"worst_ticks": _worst(ticks, figures), "duration_rows": _durations(figures)}
+        given = {"worst_ticks": _worst(figures), "duration_rows": _durations(figures)}
     if ticks is not None and ticks.stalls:
         given["stalls"] = _stalls(ticks, ticks.stalls)
     events = _events(content)
@@ -178,11 +178,11 @@ def _certificates(content: Content) -> list[Row]:
     return rows
 
 
-def _worst(ticks: TickTable, figures: Mapping[str, Any]) -> tuple[list[str], list[Row]]:
+def _worst(figures: Mapping[str, Any]) -> tuple[list[str], list[Row]]:
     """Stages that took any time in the worst ticks, and the rows of these."""
     worst = figures["worst"]
     names = [n for n in (*STAGES, "unaccounted") if any(row["stages_us"].get(n) for row in worst)]
-    usual = {name: summary(ticks.us(name)).get("p50", 0.0) for name in names}
+    usual = {name: figures["stages_us"][name].get("p50", 0.0) for name in names}
     rows: list[Row] = []
     for row in worst:
         stages = row["stages_us"]
@@ -303,7 +303,7 @@ def _with_unit(value: float, unit: str) -> str:
     return f"{number(value)} {unit}".rstrip()
 
 
-def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
+def _deadline_tiles(content: Content, given: Mapping[str, Any]) -> list[Tile]:
     success, misses = given["success_rate"], given["misses"]
     worst = success["worst_window"]
     window = "fewer than 100 ticks" if worst is None else f"worst 100: {number(100.0 * worst)} %"

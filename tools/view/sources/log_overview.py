@@ -111,6 +111,7 @@ class Overview:
                 try:
                     self._take(records)
                 except NEVER_OURS:  # of such a chunk there is nothing to show
+                    self._open.clear()
                     self._log.unread.add((chunk, None))
             now = time.monotonic()
             if now > due:
@@ -132,6 +133,8 @@ class Overview:
         for record in records:
             if record.kind == Kind.EVENT:
                 self._event(record)
+            elif record.kind in {Kind.SESSION, Kind.GAP}:  # conditions are not known from there on
+                self._open.clear()
         for states, stamps in self._rows(records, Kind.STATE):
             joints = (states[name] for name in ("q", "dq", "tau"))
             curves = {
