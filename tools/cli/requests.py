@@ -57,14 +57,12 @@ def _await_controller(answer: dict[str, Any], connect: str | None) -> dict[str, 
     from hoap3.tools.services.find_robot import ask_robots
 
     status, until = answer, time.monotonic() + RESUME_S
+    session = answer.get("session_id")  # others may have the same name
     with suppress(Hoap3Error):
         while status["mode"] == "idle" and time.monotonic() < until:
             time.sleep(LOOK_S)
-            for each in ask_robots(answer["robot"], "status", connect)[0]:
-                if each.get("session_id") == answer.get(
-                    "session_id"
-                ):  # others may have the same name
-                    status = each
+            found = ask_robots(answer["robot"], "status", connect)[0]
+            status = next((each for each in found if each.get("session_id") == session), status)
     return status
 
 

@@ -250,6 +250,18 @@ def test_the_end_of_a_condition_says_how_long_it_held(most, tmp_path, monkeypatc
     assert "for 0.100 s, until the end of the log" in last
 
 
+@pytest.mark.parametrize("kind", [Kind.SESSION, Kind.GAP])
+def test_a_condition_does_not_last_into_another_session_or_beyond_a_gap(kind, tmp_path):
+    records, event = run(300), Event()
+    event.kind, event.tick = Event.schema.constants["CONDITION_BEGAN"], 100
+    event.stamp = BEGIN + 100 * MS
+    records.append(Record(Kind.EVENT, event.stamp, event.dump()))
+    records.append(Record(kind, BEGIN + 150 * MS, b'{"session_id": 8}'))
+    records.sort(key=lambda record: record.stamp)
+    events = passed(Log.indexed(written(tmp_path, records)))["events"]
+    assert not any("until the end of the log" in each["label"] for each in events)
+
+
 def test_no_answer_in_virtual_time_is_listed_as_slow(tmp_path):
     records = [
         Record(kind, stamp, payload.replace(b'"lockstep": false', b'"lockstep": true'))

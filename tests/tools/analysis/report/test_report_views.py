@@ -120,6 +120,12 @@ def test_else_an_error_that_is_larger_than_the_first():
     assert "mm" not in worst(v=0.5 * error**2, units=("", "")).why
 
 
+def test_an_error_that_is_rounding_is_not_the_worst():
+    v, margin = np.zeros(50), np.full(50, 0.3)
+    v[20], margin[30] = 1e-30, 0.1
+    assert worst(v=v, margin=margin).tick == 130
+
+
 def test_else_the_smallest_margin_though_rounding_is_below_zero():
     margin = np.linspace(0.5, 0.1, 50)
     margin[30] = -1e-12
