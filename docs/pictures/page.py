@@ -99,9 +99,16 @@ def opened(browser: Any, address: str, size: dict[str, int], scheme: str) -> Any
 
 
 def shot(page: Any, selector: str) -> bytes:
-    """One part of a page; of `body` what is seen of it."""
+    """One part of a page; of `body` what is seen of it.
+
+    Raises:
+        LostError: the page warns that its frames are old.
+    """
+    page.wait_for_selector("#banner", state="hidden")
     clip = None if selector == "body" else page.locator(selector).bounding_box()
     picture: bytes = page.screenshot(clip=clip)
+    if page.is_visible("#banner"):
+        raise LostError
     return picture
 
 
