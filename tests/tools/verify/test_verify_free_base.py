@@ -132,6 +132,26 @@ def test_other_numbers_in_the_config_are_found(name, key, value, story, tmp_path
     assert verify(changed).claims.false
 
 
+UNREAD: dict[str, tuple[str, dict[str, object], str]] = {
+    "user's task": ("ghc", {"tasks": [{"task": "own:Reach"}]}, "--allow-code"),
+    "wrench": ("ghc", {"tasks": [{"task": "wrench", "parameters": {}}]}, "a wrench"),
+    "goal": ("tsid", {"tasks": None, "goal": {"position_m": [0.0, 0.0, 0.5]}}, "the goal"),
+}
+
+
+@pytest.mark.parametrize("kind", UNREAD)
+def test_mechanics_are_verified_without_the_tasks(kind, story, tmp_path):
+    name, changes, reason = UNREAD[kind]
+    config = parse_yaml(config_of(story(name)), "config")
+    config["parameters"].update(changes)
+    path = rewrite(story(name), "controller", tmp_path, list, json.dumps(config).encode())
+
+    counts = verify(path).claims.counts
+
+    assert counts["equations of motion"].checked == counts["friction cones"].checked == 50
+    assert reason in next(iter(counts["tasks and optimum"].unverified))
+
+
 def test_what_stands_in_for_the_optimum_is_verified(tmp_path):
     """Torques that are too small: the robot sinks, and its soles leave the ground."""
     robot, controller = PAIRS["tsid"]
