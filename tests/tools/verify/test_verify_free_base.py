@@ -106,7 +106,7 @@ def test_nothing_is_certified_on_a_sole_that_carries_nothing(story, tmp_path):
     assert found.claims.counts["certified: soles carry"].false == 50 - 10  # ms
 
 
-OTHERS: list[tuple[str, str, float]] = [
+OTHERS: list[tuple[str, str, object]] = [
     ("ghc", "contacts.friction", 1e-3),
     ("ghc", "contacts.damping_per_s", 1e3),
     ("ghc", "contacts.least_share", 0.49),
@@ -115,6 +115,7 @@ OTHERS: list[tuple[str, str, float]] = [
     ("ghc", "w_r", 1.01e-4),
     ("tsid", "tasks.1.kp", 101.0),
     ("tsid", "posture.weight", 1.01e-5),
+    ("tsid", "priorities.weights", {"upright": -1e-3}),
 ]
 
 
@@ -135,6 +136,7 @@ def test_other_numbers_in_the_config_are_found(name, key, value, story, tmp_path
 UNREAD: dict[str, tuple[str, dict[str, object], str]] = {
     "user's task": ("ghc", {"tasks": [{"task": "own:Reach"}]}, "--allow-code"),
     "wrench": ("ghc", {"tasks": [{"task": "wrench", "parameters": {}}]}, "a wrench"),
+    "small w_r": ("ghc", {"w_r": 0.9e-6}, "w_r"),
     "goal": ("tsid", {"tasks": None, "goal": {"position_m": [0.0, 0.0, 0.5]}}, "the goal"),
 }
 
