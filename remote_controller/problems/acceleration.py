@@ -37,6 +37,7 @@ from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle 
 from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
     UnverifiableError,
+    check_least,
     complete,
     reason_of,
 )
@@ -124,6 +125,8 @@ class AccelerationProblems(ProblemBuilder):
     """Whether the controller states the residual, and certifies by it."""
     free: ClassVar[bool] = False
     """Whether the base is free."""
+    least_w_r: ClassVar[float] = 1e-6
+    """The least ω_r that a config may have, of controllers with one."""
 
     def __init__(
         self,
@@ -217,6 +220,8 @@ class AccelerationProblems(ProblemBuilder):
     def _complete(self, parameters: Settings) -> dict[str, Any]:
         given = {key: each for key, each in parameters.items() if key not in FREE_BASE_ONLY}
         settings = complete(given, self.defaults, "parameters", strict=False)
+        if "w_r" in self.defaults:
+            check_least(settings, "w_r", self.least_w_r)
         bounds.check_settings(settings["bounds"], self.history.description.n)
         return settings
 

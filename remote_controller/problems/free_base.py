@@ -170,6 +170,10 @@ class FreeBaseProblems(AccelerationProblems):
     def _task_of(self, entry: Settings) -> AccelerationTask:
         return free_task_of(entry, self._placed)
 
+    def derivative_claims(self) -> list[Claim]:
+        """Claims of the derivatives of users' tasks."""
+        return [] if self._unread else super().derivative_claims()
+
     def adopt(self, parameters: Settings) -> None:
         """Take other parameters from the newest State on."""
         if not self._unread:

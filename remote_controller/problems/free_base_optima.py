@@ -97,12 +97,12 @@ class WeightedFreeProblems(FreeBaseProblems):
         """State the weighted problem."""
         y, w = unknowns.y, self.weight(cycle.importance)
         brake = self.braking(cycle, unknowns.reduced)
-        roots = np.sqrt(np.repeat(cycle.importance, np.diff(self.edges)))
+        scale = weighted.roots(cycle.importance, self.edges)
         n = len(y)
-        R = np.vstack([roots[:, None] * tasks.J, np.sqrt(w) * np.eye(n)])
-        r = np.concatenate([roots * tasks.b, np.sqrt(w) * (brake.J.T @ brake.b)])
+        R = np.vstack([scale[:, None] * tasks.J, np.sqrt(w) * np.eye(n)])
+        r = np.concatenate([scale * tasks.b, np.sqrt(w) * (brake.J.T @ brake.b)])
         away = np.abs(brake.J.T) @ brake.b_error
-        r_error = np.concatenate([roots * tasks.b_error, np.sqrt(w) * away])
+        r_error = np.concatenate([scale * tasks.b_error, np.sqrt(w) * away])
         H = R.T @ R
         inverse, stiff = np.linalg.inv(H), H.diagonal()
         span = max(TINY, float(np.abs(y).max()), float((np.abs(R.T @ r) / stiff).max()))

@@ -156,6 +156,7 @@ class GhcTorqueProblems(GhcProblems):
     """The problems of `ghc_torque`; arguments as of every `ProblemBuilder`."""
 
     defaults: ClassVar[Settings] = {**DEFAULTS, "w_r": 1e-4, "regularise": "none"}
+    least_w_r: ClassVar[float] = 1e-8
 
     def optimum(self, cycle: Cycle) -> Optimum:
         """State the problem in τ − h; the answer is τ."""

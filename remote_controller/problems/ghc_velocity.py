@@ -20,6 +20,7 @@ from hoap3.remote_controller.problems.ghc import Condensed, Values, Wanted, cond
 from hoap3.remote_controller.problems.oracles.parameters import (
     NOT_READ,
     UnverifiableError,
+    check_least,
     reason_of,
 )
 from hoap3.remote_controller.problems.schedule import Priorities, top_tasks
@@ -46,6 +47,7 @@ CERTIFIED, AT_TARGET, INFEASIBLE = (
 )
 SOLVED, NO_ANSWER = 0, 1  # Setpoint.fallback
 GAIN_PER_S = 5.0  # of a task
+LEAST_REGULARISATION = 1e-6  # that a config may have
 MOST_LOGGED = 6  # tasks whose priorities are columns
 EPS = float(np.finfo(float).eps)
 OPTIMAL = 1e-9  # greatest residual of an answer that counts as the optimum
@@ -117,6 +119,7 @@ class GhcVelocityProblems(VelocityProblems):
     def adopt(self, parameters: Mapping[str, Any]) -> None:
         """Take gains as well."""
         super().adopt(parameters)
+        check_least(self.settings, "regularisation", LEAST_REGULARISATION)
         self.gains = of_rows(self.entries, self.sizes, "gain_per_s", GAIN_PER_S)
 
     def _start(self, first_tick: int) -> CurrentPriorities:

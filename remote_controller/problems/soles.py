@@ -14,14 +14,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.remote_controller.problems.oracles.free_robot_oracle import BASE, FreeRobot
+from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING
 from hoap3.remote_controller.problems.statement import Array, Flags
 
@@ -61,7 +63,19 @@ class Sole(NamedTuple):
 
     @classmethod
     def of(cls, frame: str, polygon: Array, margin_m: float, friction: float) -> Sole:
-        """Return the sole of an outline, (k, 2) [m]."""
+        """Return the sole of an outline, (k, 2) [m].
+
+        Raises:
+            UnverifiableError: nothing is left of the outline, or of its cone.
+        """
+        try:
+            return cls._of(frame, polygon, margin_m, friction)
+        except QhullError as error:
+            reason = f"contacts: margin {margin_m:g} m or friction {friction:g} leaves nothing"
+            raise UnverifiableError(f"{reason} of sole {frame!r:.60}") from error
+
+    @classmethod
+    def _of(cls, frame: str, polygon: Array, margin_m: float, friction: float) -> Sole:
         hull = ConvexHull(polygon)
         halves = hull.equations + np.array([0.0, 0.0, margin_m])
         middle = polygon[hull.vertices].mean(axis=0)
@@ -241,12 +255,18 @@ class Soles:
 
 def nearest_within(points: Array, point: Array) -> Array:
     """Return the point of the convex hull of others, (k, 2), that is nearest to one, (2,)."""
-    hull = ConvexHull(points)
-    if (hull.equations[:, :2] @ point + hull.equations[:, 2] <= 0.0).all():
-        return point
-    start, end = points[hull.simplices[:, 0]], points[hull.simplices[:, 1]]
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # all are on a line, as of vertical soles
+        pairs = np.array([*combinations(range(len(points)), 2)])
+    else:
+        if (hull.equations[:, :2] @ point + hull.equations[:, 2] <= 0.0).all():
+            return point
+        pairs = hull.simplices
+    start, end = points[pairs[:, 0]], points[pairs[:, 1]]
     along = end - start
-    share = ((point - start) * along).sum(1) / (along**2).sum(1)
+    square = np.maximum((along**2).sum(1), np.finfo(float).tiny)  # points may coincide
+    share = ((point - start) * along).sum(1) / square
     feet = start + np.clip(share, 0.0, 1.0)[:, None] * along
     found: Array = feet[int(np.argmin(np.linalg.norm(feet - point, axis=1)))]
     return found

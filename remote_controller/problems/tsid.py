@@ -20,7 +20,7 @@ from hoap3.remote_controller.problems.oracles.tasks.config_oracle import default
 from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import rotation_vector
 from hoap3.remote_controller.problems.schedule import Weights
 from hoap3.remote_controller.problems.statement import Array, Flags
-from hoap3.remote_controller.problems.weighted import LeastSquares, WeighedProblems
+from hoap3.remote_controller.problems.weighted import LeastSquares, WeighedProblems, roots
 
 Settings = Mapping[str, Any]
 
@@ -72,9 +72,9 @@ class TsidProblems(TasksOfTsid, WeighedProblems):
     def cost(self, cycle: Cycle) -> LeastSquares:
         """Return (33)."""
         weights = np.append(cycle.importance[:-1], max(cycle.importance[-1], LEAST_WEIGHT))
-        roots = self.roots(weights)
-        J = roots[:, None] * cycle.rows.jacobian
-        return LeastSquares(J, roots * cycle.desired, roots * cycle.desired_error)
+        scale = roots(weights, self.edges)
+        J = scale[:, None] * cycle.rows.jacobian
+        return LeastSquares(J, scale * cycle.desired, scale * cycle.desired_error)
 
     def wish(self, cycle: Cycle) -> Wish:
         """Return the same cost; where the solver gives up, the wish is that of the posture."""

@@ -6,7 +6,7 @@ min Σ ω_i |J_i q̈ − b_i|² + ω_r |q̈ + d·q̇|² + ω_r |τ − o|² with
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from hoap3.remote_controller.problems.acceleration import (
 )
 from hoap3.remote_controller.problems.acceleration_claims import RELATIVE, Cycle, rounding_of
 from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
-from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING
 from hoap3.remote_controller.problems.schedule import Weights
 from hoap3.remote_controller.problems.statement import Array, Flags, Program, Rows
@@ -37,7 +36,6 @@ DEFAULTS: dict[str, Any] = {
     "regularise": "gravity_compensated",
     "priorities": {},
 }
-LEAST_W_R = 1e-6  # that a config may have; the optimum is unique
 BRAKE_PER_S = 10.0  # of −q̇, the wish where the tasks have no answer even with strong motors
 
 
@@ -54,6 +52,11 @@ class LeastSquares(NamedTuple):
         return np.asarray(np.abs(np.linalg.inv(H)) @ (np.abs(self.R).T @ self.r_error))
 
 
+def roots(weights: Array, edges: Sequence[int]) -> Array:
+    """Return √ω of each row, (m,); a negative weight of a wrong log counts as 0."""
+    return np.asarray(np.sqrt(np.repeat(np.maximum(weights, 0.0), np.diff(edges))))
+
+
 class WeighedProblems(AccelerationProblems):
     """The problems of a controller whose tasks have weights, a least-squares problem in q̈."""
 
@@ -64,11 +67,6 @@ class WeighedProblems(AccelerationProblems):
     def tops(self, importance: Array) -> Flags:
         """Return the tasks with weight."""
         return importance > 0.0
-
-    def roots(self, weights: Array) -> Array:
-        """Return √ω of each row, (m,); a negative weight of a wrong log counts as 0."""
-        each = np.repeat(np.maximum(weights, 0.0), np.diff(self.edges))
-        return np.asarray(np.sqrt(each))
 
     @abstractmethod
     def cost(self, cycle: Cycle) -> LeastSquares:
@@ -98,12 +96,6 @@ class WeightedProblems(WeighedProblems):
     defaults: ClassVar[Settings] = DEFAULTS
     proves: ClassVar[bool] = False
 
-    def _complete(self, parameters: Settings) -> dict[str, Any]:
-        settings = super()._complete(parameters)
-        if not settings["w_r"] >= LEAST_W_R:
-            raise UnverifiableError(f"w_r is {settings['w_r']}")
-        return settings
-
     def cost(self, cycle: Cycle) -> LeastSquares:
         """Return (12), with braking by at most 1/T."""
         settings, M, n = self.settings, cycle.M, len(cycle.dq)
@@ -115,12 +107,12 @@ class WeightedProblems(WeighedProblems):
             R.append(M)
             r.append(-cycle.h if settings["regularise"] == "torque" else np.zeros(n))
             r_error.append(np.full(n, rounding_of(M, cycle.h, cycle.dq, cycle.ddq)))
-        roots = np.full(sum(map(len, r)), np.sqrt(settings["w_r"]))
-        roots[: len(cycle.desired)] = self.roots(cycle.importance)
+        scale = np.full(sum(map(len, r)), np.sqrt(settings["w_r"]))
+        scale[: len(cycle.desired)] = roots(cycle.importance, self.edges)
         return LeastSquares(
-            roots[:, None] * np.vstack(R),
-            roots * np.concatenate(r),
-            roots * np.concatenate(r_error),
+            scale[:, None] * np.vstack(R),
+            scale * np.concatenate(r),
+            scale * np.concatenate(r_error),
         )
 
     def wish(self, cycle: Cycle) -> Wish:

@@ -65,6 +65,16 @@ def numbers(given: object, count: int, where: str) -> list[float]:
     return [float(number) for number in given]
 
 
+def check_least(settings: Mapping[str, Any], key: str, least: float) -> None:
+    """Refuse a regularisation that no config may have: tolerances grow with its inverse.
+
+    Raises:
+        UnverifiableError: it is less than `least`.
+    """
+    if not settings[key] >= least:
+        raise UnverifiableError(f"parameter {key} is {settings[key]!r:.40}, less than {least:g}")
+
+
 def is_number(value: object) -> bool:
     """Whether a value is a finite number, and no bool."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

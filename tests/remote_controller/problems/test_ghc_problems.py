@@ -198,6 +198,7 @@ def test_constraints_are_counted_as_unverified():
         {"bounds": {"kind": "some"}},
         {"bounds": 3},
         {"base": "free"},
+        {"w_r": 0.0},
     ],
 )
 def test_a_config_that_cannot_be_read_is_unverifiable(wrong):

@@ -173,6 +173,7 @@ def test_another_parameter_is_found():
         {"tasks": [{"task": "posture"}], "priorities": {"order": ["none"]}},
         {"bounds": 3},
         {"base": "free"},
+        {"w_r": -1.0},
     ],
 )
 def test_a_config_that_cannot_be_read_is_unverifiable(wrong):

@@ -346,6 +346,12 @@ def test_settings_that_are_not_those_of_the_log_are_refused(wrong: dict[str, Any
         builder_of(records, {**parameters, **wrong}, "ur5")
 
 
+def test_less_regularisation_than_a_config_may_have_is_refused() -> None:
+    records, parameters = run("ghc_velocity", 4)
+    with pytest.raises(UnverifiableError, match="regularisation"):
+        builder_of(records, {**parameters, "regularisation": 0.9e-6}, "ghc_velocity")
+
+
 @pytest.mark.slow
 def test_of_delayed_answers_only_errors_are_compared() -> None:
     records, parameters = run("ur5", TICKS["ur5"])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from hoap3.protocol.limits import viability_bounds_oracle as reference
 from hoap3.remote_controller.problems import joint_acceleration, schedule
@@ -20,6 +20,7 @@ from hoap3.remote_controller.problems.weighted import WeightedProblems
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.scheduling.priorities import Priorities, PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
+from hoap3.tools.verify.statements import BUILDERS
 
 
 def test_bounds_are_those_that_their_meaning_gives() -> None:
@@ -85,6 +86,16 @@ def test_defaults_are_those_of_the_controllers() -> None:
     }
     for name, table in tables.items():
         _assert_defaults(find(name).Parameters, table)
+
+
+@pytest.mark.parametrize("builder", [GhcProblems, GhcTorqueProblems, HqpProblems, WeightedProblems])
+def test_the_least_regularisation_is_that_of_the_controllers(builder) -> None:
+    name = next(key for key, value in BUILDERS.items() if value.endswith(f":{builder.__name__}"))
+    model = find(name).Parameters
+
+    model.model_validate({"tasks": [{"task": "posture"}], "w_r": builder.least_w_r})
+    with pytest.raises(ValidationError, match="w_r"):
+        model.model_validate({"tasks": [{"task": "posture"}], "w_r": 0.99 * builder.least_w_r})
 
 
 def _assert_defaults(model: type[BaseModel], table: Mapping[str, Any]) -> None:

@@ -23,16 +23,17 @@ from hoap3.remote_controller.constraints.barrier import Barrier
 
 class Reach(ErrorTask):
     unit = "m"
+    ends, length = ("tool0", "base"), 0.6
 
     def __init__(self, description, kinematics, parameters):
         super().__init__(description.n, 1)
-        self.frame, self.base = kinematics.frame_id("tool0"), kinematics.frame_id("base")
+        self.frame, self.base = map(kinematics.frame_id, self.ends)
         self.p, self.rotation, self.twist = np.zeros(3), np.eye(3), np.zeros((6, description.n))
 
     def evaluate(self, kinematics, time_s):
         kinematics.frame(self.frame, self.base, self.p, self.rotation, self.twist)
         distance = math.hypot(*self.p)
-        self.error[0] = distance - 0.6 - 0.02 * math.sin(3.0 * time_s)
+        self.error[0] = distance - self.length - 0.02 * math.sin(3.0 * time_s)
         np.matmul(self.p, self.twist[:3], out=self.jacobian[0])
         self.jacobian /= distance
         self.error_rate[0] = -0.06 * math.cos(3.0 * time_s)
@@ -50,6 +51,10 @@ class Standing(Reach):
         super().evaluate(kinematics, time_s)
         if 0.0495 < time_s < 0.2:
             self.error_rate[0] = 0.0
+
+
+class Elbow(Turned):
+    ends, length = ("r_forearm", "pelvis"), 0.13
 
 
 class Height(Barrier):
@@ -77,6 +82,19 @@ TASKS = {
     "ghc": 'tasks: [{task: "own_parts:Reach"}]',
 }
 OTHERS = ("clik", "ghc")
+STANDING = """
+controller: ghc
+robot: hoap3
+parameters:
+  base: free
+  contacts: {friction: 0.7}
+  w_r: 1.0e-4
+  tasks:
+    - {name: balance, task: com, parameters: {frame: r_sole}}
+    - {name: elbow, task: "own_parts:Elbow", kp: 1.0}
+    - {name: posture, task: posture}
+  priorities: {order: [balance, elbow, posture]}
+"""
 SQUAT = """
 controller: stable_qp
 robot: hoap3
@@ -95,11 +113,11 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], 
     (folder / "own_parts.py").write_text(CODE, encoding="utf-8")
     runs: dict[str, Path] = {}
 
-    def run(config: str) -> Path:
+    def run(config: str, *words: str) -> Path:
         if config not in runs:
             name = folder / f"{len(runs)}.yaml"
             name.write_text(config, encoding="utf-8")
-            runs[config] = ran(folder / f"run{len(runs)}", "--controller", name)
+            runs[config] = ran(folder / f"run{len(runs)}", "--controller", name, *words)
         return runs[config]
 
     yield run
@@ -138,6 +156,16 @@ def test_a_wrong_derivative_is_found_in_its_cycle(controller, task, claim, story
     found_in(
         story(TASK.format(controller=controller, tasks=tasks)), f"{claim} of task own_parts:{task}"
     )
+
+
+@pytest.mark.slow
+def test_a_wrong_derivative_is_found_with_a_free_base(story):
+    path = story(STANDING, "--robot", "hoap3_standing_torque")
+
+    counts = found_in(path, "∂e/∂q of task own_parts:Elbow").claims.counts
+
+    assert counts["∂e/∂t of task own_parts:Elbow"].checked == 100
+    assert counts["∂e/∂t of task own_parts:Elbow"].false == counts["optimum"].false == 0
 
 
 def test_a_constraint_of_ones_own_is_verified(story):

@@ -106,7 +106,7 @@ def test_nothing_is_certified_on_a_sole_that_carries_nothing(story, tmp_path):
     assert found.claims.counts["certified: soles carry"].false == 50 - 10  # ms
 
 
-OTHERS: list[tuple[str, str, float]] = [
+OTHERS: list[tuple[str, str, object]] = [
     ("ghc", "contacts.friction", 1e-3),
     ("ghc", "contacts.damping_per_s", 1e3),
     ("ghc", "contacts.least_share", 0.49),
@@ -115,6 +115,7 @@ OTHERS: list[tuple[str, str, float]] = [
     ("ghc", "w_r", 1.01e-4),
     ("tsid", "tasks.1.kp", 101.0),
     ("tsid", "posture.weight", 1.01e-5),
+    ("tsid", "priorities.weights", {"upright": -1e-3}),
 ]
 
 
@@ -130,6 +131,27 @@ def test_other_numbers_in_the_config_are_found(name, key, value, story, tmp_path
     changed = rewrite(story(name), "controller", tmp_path, list, json.dumps(config).encode())
 
     assert verify(changed).claims.false
+
+
+UNREAD: dict[str, tuple[str, dict[str, object], str]] = {
+    "user's task": ("ghc", {"tasks": [{"task": "own:Reach"}]}, "--allow-code"),
+    "wrench": ("ghc", {"tasks": [{"task": "wrench", "parameters": {}}]}, "a wrench"),
+    "small w_r": ("ghc", {"w_r": 0.9e-6}, "w_r"),
+    "goal": ("tsid", {"tasks": None, "goal": {"position_m": [0.0, 0.0, 0.5]}}, "the goal"),
+}
+
+
+@pytest.mark.parametrize("kind", UNREAD)
+def test_mechanics_are_verified_without_the_tasks(kind, story, tmp_path):
+    name, changes, reason = UNREAD[kind]
+    config = parse_yaml(config_of(story(name)), "config")
+    config["parameters"].update(changes)
+    path = rewrite(story(name), "controller", tmp_path, list, json.dumps(config).encode())
+
+    counts = verify(path).claims.counts
+
+    assert counts["equations of motion"].checked == counts["friction cones"].checked == 50
+    assert reason in next(iter(counts["tasks and optimum"].unverified))
 
 
 def test_what_stands_in_for_the_optimum_is_verified(tmp_path):

@@ -35,6 +35,7 @@ from hoap3.remote_controller.problems.oracles.tasks.logarithm_oracle import (
     rotation_vector,
 )
 from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Target
+from hoap3.remote_controller.problems.statement import Claim
 
 Settings = Mapping[str, Any]
 
@@ -121,6 +122,11 @@ class JointsOnly(AccelerationTask):
         """Take over what the task remembers."""
         if isinstance(other, JointsOnly):
             self._task.take_over(other._task)
+
+    def derivative_claims(self, robot: Robot) -> list[Claim]:
+        """As of the task."""
+        del robot
+        return self._task.derivative_claims(self._fixed)
 
     @property
     def by_differences(self) -> bool:
