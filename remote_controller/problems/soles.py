@@ -31,6 +31,7 @@ WRENCH, NORMAL = 6, 2  # numbers of each sole's wrench, and which is the normal 
 GRAVITY = 9.81  # m/s²
 NANOMETRE = 9  # decimals of a length in m
 SAME = 9  # decimals in which facets agree that are one
+MOST_SOLES = 8  # as there may be 2^s options of which of them carry
 DEPENDENT = 1e-7  # of the largest singular value: soles that hold each other
 DEFAULTS: dict[str, Any] = {
     "friction": 0.5,
@@ -152,12 +153,17 @@ class Soles:
         robot: at any configuration.
         settings: `contacts` of the config, complete.
         description: of the robot.
+
+    Raises:
+        UnverifiableError: too many soles, or one without area.
     """
 
     def __init__(
         self, robot: FreeRobot, settings: Mapping[str, Any], description: RobotDescription
     ) -> None:
         self._robot, self.weight = robot, robot.weight
+        if len(description.soles) > MOST_SOLES:
+            raise UnverifiableError(f"the robot has more than {MOST_SOLES} soles")
         given = float(settings["margin_m"]), float(settings["friction"])
         self.soles = [
             Sole.of(sole.frame, np.array(sole.polygon, float), *given) for sole in description.soles
@@ -275,11 +281,11 @@ def nearest_within(points: Array, point: Array) -> Array:
 def loaded_options(timers: Array, lost_after_s: float, exact_s: float) -> Sequence[Flags]:
     """Return which soles carry, by how long each has carried too little [s], (s,).
 
-    Where a time is the limit to `exact_s`, either may be.
+    Where a time is the limit to `exact_s`, either may be, unless the time is exactly 0.
     """
     options: list[list[bool]] = [[]]
     for timer in timers.tolist():
-        either = abs(timer - lost_after_s) <= exact_s
+        either = timer > 0.0 and abs(timer - lost_after_s) <= exact_s
         choices = (True, False) if either else (timer <= lost_after_s,)
         options = [[*before, choice] for before in options for choice in choices]
     return [np.array(each, np.bool_) for each in options]

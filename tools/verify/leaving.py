@@ -15,7 +15,7 @@ from hoap3.remote_controller.problems.velocity_answer import DELAYED
 from hoap3.tools.logs.disk_rows import RowsAt
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.sent_velocity import check_values, judged, sent_velocity
+from hoap3.tools.verify.sent_velocity import check_values, sent_velocity
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def check_leaving(run: ControllerRun, parameters: Mapping[str, Any], claims: Cla
     leaving = run.during(LEAVING)
     if not leaving.any():
         return
-    run = judged(run.only(leaving), claims)
+    run = _checkable(run.only(leaving), claims)
     answers, tick, robot = run.answers, run.answers["tick"], run.description
     stated = np.array([answers[name] for name in EMPTY]).T
     claims.equal("leaving: no certificate", tick, stated, np.zeros(stated.shape), 0.0)
@@ -52,6 +52,19 @@ def check_leaving(run: ControllerRun, parameters: Mapping[str, Any], claims: Cla
     reach = np.minimum(REACH, OF_RANGE * (robot.upper - robot.lower))
     moved = np.abs(reference - start)
     claims.at_most("leaving: displacement", tick, moved, reach, SETTLED)
+
+
+def _checkable(run: ControllerRun, claims: Claims) -> ControllerRun:
+    """Return the answers that are finite, as are their States, after a known start; count the rest.
+
+    Their certificate is counted with that of all answers of such a motion, by `check_statements`.
+    """
+    states, answers = run.answered_states, run.answers
+    finite = states.finite("q", "reference") & answers.finite("values")
+    lost = finite & ~run.remembered
+    claims.unverified("leaving: limits", int((~finite).sum()), "State or answer is not finite")
+    claims.unverified("leaving: limits", int(lost.sum()), "the log lacks when the controller began")
+    return run.only(finite & ~lost)
 
 
 def reference_rates(run: ControllerRun) -> Array:

@@ -15,17 +15,6 @@ from hoap3.tools.verify.controller_log import ControllerRun
 Array = NDArray[np.float64]
 
 
-def judged(run: ControllerRun, claims: Claims) -> ControllerRun:
-    """The answers whose cycles can be repeated, and that are answers: the rest is counted."""
-    states, answers = run.answered_states, run.answers
-    finite = states.finite("q", "reference") & answers.finite("values")
-    remembered = run.remembered
-    claims.unverified("certificate", int((~finite).sum()), "State or answer is not finite")
-    lost = int((finite & ~remembered).sum())
-    claims.unverified("certificate", lost, "the log lacks when the controller began")
-    return run.only(finite & remembered)
-
-
 def start_positions(run: ControllerRun, parameters: Mapping[str, Any]) -> Array:
     """Where each answer is integrated from: the applied reference, or what was measured, (N, n)."""
     measured = parameters.get("integrate_from", "reference") == "measured"

@@ -45,7 +45,7 @@ WITH_FREE_BASE = {
     "weighted": "free_base_optima:WeightedFreeProblems",
 }
 """Module and class in `remote_controller.problems`, by the controller's registered name, with
-`base: fixed` and `base: free`; others have a checker of their own."""
+`base: fixed` and `base: free`."""
 SAMPLE = 20_000
 """Answers that are checked by default where each takes a millisecond or more."""
 MISSING = "not finite, or the log lacks when the controller began"

@@ -27,6 +27,7 @@ from hoap3.tools.analysis.replay import replay_records
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun, runs
 from hoap3.tools.verify.leaving import check_leaving
+from hoap3.tools.verify.statements import check_engagements
 
 ONE_POINT = ("qp12", "pinv", "osqp")
 EVERY = (*ONE_POINT, "stable_qp", "clik", "clik_sdp", "ghc_velocity")
@@ -182,6 +183,25 @@ def test_a_changed_answer_is_found(field, change, claim, planar):
     (log,) = runs(records)
     check_leaving(log, law["parameters"], claims)
     assert claim in {each.claim for each in claims.listed}
+
+
+def test_the_certificate_of_an_answer_that_is_not_finite_is_counted_once(planar):
+    run, law = leave("planar", "clik", planar, duration=0.2)
+    records = list(run.records)
+    place = [i for i, each in enumerate(records) if each.kind == Kind.SETPOINT][100]
+    answer = Setpoint.like(records[place].payload)
+    answer.load(records[place].payload)
+    answer.values[0] = np.nan
+    records[place] = records[place]._replace(payload=answer.dump())
+    claims = Claims()
+    (log,) = runs(records)
+
+    check_leaving(log, law["parameters"], claims)
+    check_engagements(records, law["controller"], law["parameters"], claims)
+
+    leaving = np.count_nonzero(log.during(LEAVING))
+    assert sum(claims.counts["certificate"].unverified.values()) == leaving
+    assert sum(claims.counts["leaving: limits"].unverified.values()) == 1
 
 
 @pytest.mark.slow

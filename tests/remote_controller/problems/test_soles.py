@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from hoap3.remote_controller.problems import soles
+from hoap3.remote_controller.problems.oracles.free_robot_oracle import FreeRobot
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
+from hoap3.robot_emulator.robots import load
 
 SQUARE = 0.05 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
@@ -27,3 +29,27 @@ def test_the_support_of_vertical_soles_is_a_segment_or_a_point():
         found = soles.nearest_within(line, point)
         assert found == pytest.approx(start + nearest * (end - start), abs=1e-15)
     assert soles.nearest_within(np.tile(end, (4, 1)), start) == pytest.approx(end, abs=0.0)
+
+
+@pytest.mark.parametrize(
+    ("timers", "lost_after_s", "options"),
+    [
+        ([0.0, 0.001], 0.0, [[True, False]]),
+        ([0.0, 0.002], 0.001, [[True, False]]),
+        ([0.001, 0.001 + 1e-15], 0.001, [[True, True], [True, False], [False, True], [False] * 2]),
+    ],
+)
+def test_only_a_time_at_its_limit_leaves_open_whether_a_sole_carries(timers, lost_after_s, options):
+    found = soles.loaded_options(np.array(timers), lost_after_s, 1e-9)
+
+    assert [each.tolist() for each in found] == options
+
+
+def test_more_soles_than_have_few_options_are_unverifiable():
+    robot = load("hoap3")
+    frames = robot.frames[: soles.MOST_SOLES + 1]
+    feet = tuple(robot.soles[0].model_copy(update={"frame": frame}) for frame in frames)
+    many = robot.model_copy(update={"soles": feet})
+
+    with pytest.raises(UnverifiableError, match="soles"):
+        soles.Soles(FreeRobot(robot), soles.DEFAULTS, many)

@@ -1,4 +1,4 @@
-"""What checkers of accelerations reckon with: bounds, schedules, defaults."""
+"""Parts of the problems of accelerations: bounds, schedules, defaults."""
 
 from __future__ import annotations
 
