@@ -78,7 +78,8 @@ def tampered(setpoint: Any, field: str, place: int, by: float = 1e-6) -> Any:
     """The answer with one number that is a little larger, or 1 larger of integers."""
     changed = setpoint.copy()
     old = setpoint[field] if setpoint[field].ndim == 0 else setpoint[field][place]
-    larger = old + 1 if old.dtype.kind in "ui" else old * (1.0 + by) + by * (abs(old) < 1e-3)
+    small = abs(old) < 1e-2  # beside others: answers are exact relative to the largest number
+    larger = old + 1 if old.dtype.kind in "ui" else old * (1.0 + by) + by * small
     if setpoint[field].ndim == 0:
         changed[field] = larger
     else:
