@@ -22,7 +22,6 @@ from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Con
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.remote_controller.problems.oracles.tasks import task_oracle
-from hoap3.remote_controller.problems.oracles.tasks.target_oracle import Hold
 from hoap3.remote_controller.problems.statement import Claim
 from hoap3.remote_controller.tasks import registry as tasks
 
@@ -84,7 +83,7 @@ def plain_kinematics(robot: Robot) -> Kinematics:
     return cast("Kinematics", PlainKinematics(robot))
 
 
-class UserTask(task_oracle.Task):
+class UserTask(task_oracle.ErrorTask):
     """A task with an error, of a user's class.
 
     Args:
@@ -107,7 +106,7 @@ class UserTask(task_oracle.Task):
             rows, jacobian, _ = self._function.followed
             if not len(rows) or jacobian is not self._function.jacobian:
                 raise UnverifiableError(f"task {self._name:.60} is not an error e with V = ½|e|²")
-        super().__init__(Hold(len(rows)), np.ones(len(rows)))
+        self.roots = np.ones(len(rows))
         self._at: tuple[Array, float] | None = None
         self._size = 1.0
 
@@ -167,23 +166,11 @@ class UserTask(task_oracle.Task):
         """All joints may."""
         return np.ones(robot.description.n, bool)
 
-    def present(self, robot: Robot, aim: Array) -> Array:
-        """Not used: the class has its own target."""
-        del robot
-        return aim
-
-    def error(self, robot: Robot, aim: Array) -> Array:
-        """Not used: `error_at` evaluates the class."""
-        raise NotImplementedError
-
-    def plain(self, robot: Robot, aim: Array, rate: Array) -> tuple[Array, Array, Array]:
-        """Not used: `at` evaluates the class."""
-        raise NotImplementedError
-
     def _evaluate(self, time_s: float) -> tuple[Array, Array, Array]:
         with _of_users(self._name):
             self._function.update(self._kinematics, time_s)
-            return tuple(np.array(each, float) for each in self._function.followed)  # type: ignore[return-value]
+            e, J, rate = (np.array(each, float) for each in self._function.followed)
+        return e, J, rate
 
 
 class UserBarrier(Constraint):

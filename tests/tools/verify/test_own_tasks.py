@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from tampering import SETPOINT, changed_field, ran, rewrite
+from tampering import SETPOINT, changed_field, config_of, ran, rewrite
 
 from hoap3.tools.verify.verify import Verification, verify
 
@@ -55,6 +55,12 @@ class Standing(Reach):
 
 class Elbow(Turned):
     ends, length = ("r_forearm", "pelvis"), 0.13
+
+
+class Broken(Reach):
+    @property
+    def followed(self):
+        raise AttributeError("not here")
 
 
 class Height(Barrier):
@@ -166,6 +172,19 @@ def test_a_wrong_derivative_is_found_with_a_free_base(story):
 
     assert counts["∂e/∂t of task own_parts:Elbow"].checked == 100
     assert counts["∂e/∂t of task own_parts:Elbow"].false == counts["optimum"].false == 0
+
+
+def test_a_task_that_raises_is_the_reason_why_it_is_not_verified(story, tmp_path):
+    run = story(TASK.format(controller="stable_qp", tasks=TASKS["stable_qp"]))
+    config = config_of(run).replace("own_parts:Reach", "own_parts:Broken")
+
+    found = verify(
+        rewrite(run, "controller", tmp_path / "o", list, config.encode()), allow_code=True
+    )
+
+    assert found.verdict == "not verified"
+    (reason,) = found.claims.counts["certificate"].unverified
+    assert "AttributeError: not here" in reason
 
 
 def test_a_constraint_of_ones_own_is_verified(story):

@@ -60,8 +60,87 @@ class Rows(NamedTuple):
         return float(self.error @ self.rate)
 
 
-class Task(ABC):
+class ErrorTask(ABC):
     """An error e(q, t). `robot` is at the joint positions in question in every call.
+
+    Attributes:
+        roots: √W of V = ½eᵀWe, (m,); they are in e and all that follows from it.
+    """
+
+    roots: Array
+
+    @property
+    def size(self) -> int:
+        """How many components e has."""
+        return len(self.roots)
+
+    @property
+    def watched(self) -> bool:
+        """Whether it has tolerances."""
+        return False
+
+    def watch(self, robot: Robot, time_s: float) -> None:  # noqa: B027 - most have no tolerances
+        """Compare with tolerances, once for each State, at the measured joint positions."""
+
+    @property
+    @abstractmethod
+    def rounding(self) -> float:
+        """How much rounding of joint positions changes the error."""
+
+    @abstractmethod
+    def begin(self, robot: Robot, time_s: float) -> None:
+        """Start from where the robot is, at a time [s]."""
+
+    @abstractmethod
+    def take_over(self, other: object) -> None:
+        """Continue with the memory of a task with other parameters."""
+
+    @abstractmethod
+    def at(self, robot: Robot, time_s: float) -> Rows:
+        """e, J and ∂e/∂t at a time [s]."""
+
+    @abstractmethod
+    def error_at(self, robot: Robot, time_s: float) -> Array:
+        """E alone, (m,); `robot` may be placed without Jacobians."""
+
+    @abstractmethod
+    def moved(self, robot: Robot) -> Flags:
+        """Joints, (n,), whose column of J need not be 0 to the bit."""
+
+    def motion(
+        self, robot: Robot, q: Array, dq: Array, time_s: float, period_s: float
+    ) -> tuple[Array, Array]:
+        """ė, and ë where q̈ = 0, both (m,): ë = J·q̈ + it.
+
+        The target's part is the change of ∂e/∂t within the coming period, over that period; the
+        joints' is a central difference along dq. `robot` is left at q.
+
+        Args:
+            robot: at any joint positions.
+            q, dq: (n,).
+            time_s, period_s: [s].
+        """
+
+        def rate(place: Array, at_s: float) -> Array:
+            robot.place(place)
+            rows = self.at(robot, at_s)
+            return np.asarray(rows.jacobian @ dq + rows.rate, float)
+
+        ahead = rate(q + STEP_S * dq, time_s) - rate(q - STEP_S * dq, time_s)
+        later, now = rate(q, time_s + period_s), rate(q, time_s)
+        return now, ahead / (2.0 * STEP_S) + (later - now) / period_s
+
+    def derivative_claims(self, robot: Robot) -> list[Claim]:
+        """Claims that the derivatives are those of e, where `at` was called last.
+
+        Ours are recomputed apart from the controller's, so there is nothing to claim of them.
+        """
+        del robot
+        return []
+
+
+class Task(ErrorTask):
+    """An error with a target.
 
     Args:
         target: what is aimed at.
@@ -72,11 +151,6 @@ class Task(ABC):
         self.target = target
         self.roots: Array = np.sqrt(weights)
         self.tolerances: Tolerances | None = None
-
-    @property
-    def size(self) -> int:
-        """How many components e has."""
-        return len(self.roots)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """Have the target set out from where the robot is, at a time [s]."""
@@ -115,45 +189,10 @@ class Task(ABC):
         """E alone, (m,); `robot` may be placed without Jacobians."""
         return self.roots * self.error(robot, self.target.at(time_s)[0])
 
-    def motion(
-        self, robot: Robot, q: Array, dq: Array, time_s: float, period_s: float
-    ) -> tuple[Array, Array]:
-        """ė, and ë where q̈ = 0, both (m,): ë = J·q̈ + it.
-
-        The target's part is the change of ∂e/∂t within the coming period, over that period; the
-        joints' is a central difference along dq. `robot` is left at q.
-
-        Args:
-            robot: at any joint positions.
-            q, dq: (n,).
-            time_s, period_s: [s].
-        """
-
-        def rate(place: Array, at_s: float) -> Array:
-            robot.place(place)
-            rows = self.at(robot, at_s)
-            return np.asarray(rows.jacobian @ dq + rows.rate, float)
-
-        ahead = rate(q + STEP_S * dq, time_s) - rate(q - STEP_S * dq, time_s)
-        later, now = rate(q, time_s + period_s), rate(q, time_s)
-        return now, ahead / (2.0 * STEP_S) + (later - now) / period_s
-
-    def derivative_claims(self, robot: Robot) -> list[Claim]:
-        """Claims that the derivatives are those of e, where `at` was called last.
-
-        Ours are recomputed apart from the controller's, so there is nothing to claim of them.
-        """
-        del robot
-        return []
-
     @property
     def rounding(self) -> float:
         """As of its target."""
         return self.target.rounding
-
-    @abstractmethod
-    def moved(self, robot: Robot) -> Flags:
-        """Joints, (n,), whose column of J need not be 0 to the bit."""
 
     @abstractmethod
     def present(self, robot: Robot, aim: Array) -> Array:
@@ -361,4 +400,4 @@ class SumTask:
         return np.concatenate([w * part for w, part in zip(self._roots, parts, strict=True)])
 
 
-AnyTask = Task | SumTask
+AnyTask = ErrorTask | SumTask
