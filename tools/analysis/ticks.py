@@ -289,8 +289,8 @@ class TickTable:
         """
         return self._stages[name]
 
-    def forget_stages(self) -> None:
-        """Free the memory of all stages; they are computed anew where they are asked for."""
+    def free_stages(self) -> None:
+        """Free the memory of all stages; a later request computes them again."""
         self.__dict__.pop("_stages", None)
 
     def us(self, name: str) -> FloatArray:

@@ -37,7 +37,7 @@ def recorded_motion(
     lost: float = 0.0,
     unseen: float = 0.0,
     noise: float = 0.0,
-    held_back: float = 0.0,
+    ignored: float = 0.0,
     pauses: tuple[int, ...] = (),
     pressed: Mapping[int, float] | None = None,
     not_finite: tuple[int, ...] = (),
@@ -52,7 +52,7 @@ def recorded_motion(
         ticks: how many States.
         changes, targets: requests, and messages of live targets, by the tick before they come.
         seed, lost, unseen, noise: of answers and of States, shares; and of q [rad] and dq.
-        held_back: share of ticks at which half of the joints do not command what was sent.
+        ignored: share of ticks at which half of the joints do not command what was sent.
         pauses: ticks at which the robot follows nobody.
         pressed: by tick, the force on all wrench sensors from then on, along the root's z [N].
         not_finite: ticks whose State has a joint velocity that is NaN.
@@ -106,6 +106,6 @@ def recorded_motion(
         dq = dq + T * ddq
         if command == "position" and answer.tick == tick and np.isfinite(answer.values).all():
             q = answer.values.copy()
-            if random.random() < held_back:
+            if random.random() < ignored:
                 q[: n // 2] = before[: n // 2]
     return list(recorder.records), given

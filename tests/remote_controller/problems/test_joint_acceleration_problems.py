@@ -47,7 +47,7 @@ RUNS: dict[str, dict[str, Any]] = {
     "naive bounds": {**POSITIONS, "bounds": {"kind": "naive"}},
     "no bounds": {**POSITIONS, "bounds": {"kind": "none"}},
     "accelerations": {**ACCELERATIONS, **ROUGH},
-    "half held back": {**POSITIONS, "held_back": 0.1},
+    "setpoints ignored by half of the joints": {**POSITIONS, "ignored": 0.1},
     "around its target": {**ACCELERATIONS, "posture_rad": [], "noise": 1e-7},
     "accelerations at bounds": {**ACCELERATIONS, "bounds": {"acceleration_max": [1.0]}},
 }

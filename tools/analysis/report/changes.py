@@ -21,9 +21,9 @@ _NOT_FOLLOWED = (Hoap3Error, LookupError, TypeError, ValueError, AttributeError)
 def read_changes(log: Log) -> list[str]:
     """Parameters, old and new values of each change of a controller's log, in their order.
 
-    Old values are those in force at the change, also within the transition of an earlier one that
-    was not held back. They are not known of controllers and tasks that are not registered here:
-    no code that a log names is imported.
+    Old values are those in force at the change, also during the transition of an earlier one; a
+    transition that the controller delayed counts as not delayed. Of controllers and tasks that are
+    not registered here only new values are given, since no code that a log names is imported.
     """
     texts: list[str] = []
     in_force, request = _parameters(log), None

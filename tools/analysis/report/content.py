@@ -227,8 +227,8 @@ def _unchecked(sources: Sources, robot: str | None) -> Content:
         )
     elif ticks is not None and ticks.stalls is None:
         gaps.append(
-            "Nobody watched for stalls of the host, which needs real-time rights: all rates "
-            "are raw, and a stall counts like any other miss."
+            "Stalls of the host were not monitored, which needs real-time rights: rates include "
+            "them, and a stall counts like any other miss."
         )
     intervals = None
     if sources.controller is not None:
@@ -244,7 +244,7 @@ def _unchecked(sources: Sources, robot: str | None) -> Content:
     realtime = list(map(str, found)) if isinstance(found, list) else None
     figures = tick_figures([ticks], realtime=realtime) if ticks else {}
     if ticks is not None:
-        ticks.forget_stages()
+        ticks.free_stages()
     return Content(
         sources=sources,
         motion=motion,

@@ -62,7 +62,7 @@ class Motion(AnswerSeries):
         path_time_s, path_m: (m,) and (m, 3), the point as seen from `frame`.
         frame: that of the task, or the robot's base.
         sole_m: (c, 2), support polygon in that frame, or None, as of a frame's path.
-        target_m: (m, 3), where the point shall be, NaN where that is not known; or None.
+        target_m: (m, 3), target position of the point, NaN where unknown; None without a target.
         v_in_metres: whether V is that of a position alone, in m².
         point: `com`, the centre of mass, or a frame.
         range_used: (m, n), joint positions within their usable range: 0 at its lower end, 1 at its

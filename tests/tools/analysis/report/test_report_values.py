@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.command_bench import inside
 from support.html_page import Page
 from support.tick_story import US
 
@@ -218,3 +219,21 @@ def test_decades_are_written_as_powers():
 def test_only_the_active_part_of_a_log_is_motion(lockstep, motion):
     states = Log.open(lockstep[0], "robot").states()
     assert len(motion.path_m) == (states["mode"] == State.ACTIVE).sum() < len(states)
+
+
+def test_v_of_a_default_pose_is_no_distance(tmp_path):
+    inside(
+        "run",
+        "--lockstep",
+        "--robot",
+        "ur5",
+        "--controller",
+        "tsid",
+        "--duration",
+        0.02,
+        "--out",
+        tmp_path,
+    )
+    motion = read_motion(Sources.open(tmp_path))
+    assert motion.target_m is not None
+    assert not motion.v_in_metres

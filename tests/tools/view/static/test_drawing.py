@@ -114,7 +114,7 @@ def test_the_legend_lists_what_the_robot_has(open_page):
         page.wait_for_selector("#key [data-of=zmp]:visible")
         assert page.locator("#key [data-of]:visible").count() == 6
         assert page.is_visible("#turned-key")  # a target has axes of its own
-        assert page.is_hidden("#handles-key")  # nobody steers
+        assert page.is_hidden("#handles-key")  # without an operator
 
 
 def test_plots_of_the_certificate_are_folded(open_page):
