@@ -105,7 +105,6 @@ def verify(
     opened: Mapping[str, Log] | None = None,
     most_answers: int | None = None,
     every: bool = False,
-    meanwhile: Callable[[], object] = lambda: None,
 ) -> Verification:
     """Verify the log of a controller, of a robot, or both in the folder of a run.
 
@@ -124,7 +123,6 @@ def verify(
             controller's builder states its problems one by one; None: all where that is fast, else
             `statements.SAMPLE`.
         every: check the certificates of all answers.
-        meanwhile: what this process does while others verify; not called where it verifies alone.
 
     Raises:
         LogError: there is no log, or it cannot be read.
@@ -149,7 +147,6 @@ def verify(
         return _merged(path, logs, parts, (work(say) for work in works))
     forked = Forked([works.pop(longest), *works], processors())
     try:
-        meanwhile()
         first, *results = forked.gather(say)
         return _merged(path, logs, parts, [*results[:longest], first, *results[longest:]])
     finally:

@@ -139,7 +139,6 @@ def check_logs(
     say: Callable[[str], None] = lambda _: None,
     *,
     allow_code: bool = False,
-    meanwhile: Callable[[], object] = lambda: None,
 ) -> Checked:
     """Verify the logs of a run, with the controller repeated.
 
@@ -148,10 +147,8 @@ def check_logs(
         logs: by side.
         say: takes progress.
         allow_code: import what the log names by a dotted path.
-        meanwhile: as of `verify`.
     """
     options: dict[str, Any] = {"repeat": True, "allow_code": allow_code, "opened": logs}
-    options["meanwhile"] = meanwhile
     try:
         found = verify(path, say, **options, most_answers=MOST_ANSWERS)
     except LogError as error:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -200,21 +200,15 @@ def read_content(
     """
     with of_ours(paths[0]):
         sources = Sources.open(*paths, say=say)
-
-        @cache
-        def unchecked() -> Content:
-            return _unchecked(sources, robot)
-
         if not verify:
-            return unchecked()
+            return _content(sources, robot, skip(sources.controller))
+        # first, so that the memory that it takes is free again when the page is drawn
         logs = {log.side: log for log in sources.logs}
-        options: dict[str, Any] = {"allow_code": allow_code, "meanwhile": unchecked}
-        checked = check_logs(sources.path, logs, say, **options)
-        return replace(unchecked(), checked=checked)
+        checked = check_logs(sources.path, logs, say, allow_code=allow_code)
+        return _content(sources, robot, checked)
 
 
-def _unchecked(sources: Sources, robot: str | None) -> Content:
-    """Everything but the verification."""
+def _content(sources: Sources, robot: str | None, checked: Checked) -> Content:
     gaps = list(sources.gaps)
     motion = _motion(sources, gaps)
     ticks = _ticks(sources, gaps)
@@ -249,7 +243,7 @@ def _unchecked(sources: Sources, robot: str | None) -> Content:
         sources=sources,
         motion=motion,
         ticks=ticks,
-        checked=skip(sources.controller),
+        checked=checked,
         events=tuple(event for log in sources.logs for event in read_events(log)),
         intervals=intervals,
         gaps=tuple(gaps),
