@@ -98,7 +98,8 @@ class Scene:
         """Those of some pairs, (p,), that may be as near as they are and a spread."""
         cores, boxes = pairs[~self.edged[pairs]], pairs[self.edged[pairs]]
         sets = ((cores, 0, CORE), (boxes, 0, EDGES), (boxes, 1, EDGES))
-        parts = [self._against(*one, spread) for one in sets]
+        parts = [self._against(*one, spread) for one in sets if len(one[0])]
+        parts = parts or [self._against(*sets[0], spread)]
         pair, box, side = (np.concatenate([part[i] for part in parts]) for i in range(3))
         a, d = (np.concatenate([part[3][i] for part in parts]) for i in range(2))
         half = self.half[box]
@@ -138,6 +139,8 @@ class Scene:
             further = np.clip(s + (2.0 * end - 1.0) * away, 0.0, 1.0)
             flat, _ = segments.distance(a, d, half, further)
             has = contact[pair] & (further != s) & (flat <= reach[pair])
+            if not has.any():
+                continue
             ends = np.full(int(has.sum()), end)
             given = a[has], d[has], half[has], s[has], ends, reach[pair[has]]
             places.append(segments.furthest(*given))

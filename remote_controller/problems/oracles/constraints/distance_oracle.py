@@ -130,7 +130,9 @@ class Distance(Constraint):
         margins[near] = np.maximum(margins[near], scene.at_least(near) - self._around[near])
         known = margins < self.settings["activation_m"]
         found = self._exactly(margins, scene, known)
-        self._exactly(margins, scene, ~known & (margins < margins[known].min(initial=np.inf)))
+        nearer = ~known & (margins < margins[known].min(initial=np.inf))
+        if nearer.any():
+            self._exactly(margins, scene, nearer)
         return margins, scene, found
 
     def _exactly(self, margins: Array, scene: Scene, which: NDArray[np.bool_]) -> Segments:
