@@ -75,7 +75,7 @@ class Condensing(NamedTuple):
         along: coefficients along the rows of B, (max(m, n),).
         closes: 1 for a task whose Jacobian is I, (k,).
         order: tasks above i, of `sort_tasks`, (k,).
-        level_rows: rows of J, of the smoothed basis, (m,).
+        level_rows: rows of J, of either basis, (m,).
         chain: tasks whose rows B has, (k,).
         ranks: ranks[t] is how many rows of B the first t tasks of the chain have, (k + 1,).
     """
@@ -228,7 +228,8 @@ def condense(
     q0[:] = 0.0
     F[:] = 0.0
     _look(jacobian, offsets, alpha, closes, work.rise)
-    basis, spectrum = Basis(B, D, ranks), Spectrum(work.level_rows, work.C, work.Q)
+    basis = Basis(B, D, ranks, work.level_rows)
+    spectrum = Spectrum(work.level_rows, work.C, work.Q)
     for i in range(k):
         above = Above(jacobian, offsets, closes, alpha[i], order)
         count = sort_tasks(alpha[i], closes, work.rise, order)

@@ -13,7 +13,9 @@ whose Jacobian is I leaves no null space, N_l = 0 from that level on: the sum en
 a as the last a_{l+1}, so that c = 1 − a, and D counts from a.
 
 A row counts as dependent where what is left of it is 1e-9 of the row. The paper takes the smallest
-positive number there, with which rounding errors become directions.
+positive number there, with which rounding errors become directions. A direction that is only a
+share s of its row is exact to 1e-16/s, and so is what it leaves of a row that depends on it: for
+s < 1e-7 that exceeds 1e-9. Rows of a task of which a larger share is left therefore come first.
 
 **Smoothed** (not in the paper): P jumps where the rank of the rows changes. Instead of N_l the
 smoothed form uses, with J_l all rows of priority ≥ a_l,
@@ -48,6 +50,7 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
 )
 
 DEPENDENT = 1e-9  # of a row: less than that of it left is rounding
+SHARES = (1e-3, 1e-6, DEPENDENT)  # of a row, left of it: the pass that accepts it
 SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
 HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
 DROPPED = 1e-20  # of a projector's eigenvalue
@@ -80,11 +83,13 @@ class Basis(NamedTuple):
         D: (m,) or longer; scratch until it is written.
         ranks: ranks[t] is how many rows of B the first t tasks of the order have, (k + 1,) or
             longer; ranks[0] = 0. Not of the smoothed one.
+        rows: scratch, (m,) or longer. Not of the smoothed one.
     """
 
     B: Matrix
     D: Vector
     ranks: Indices
+    rows: Indices
 
 
 class Spectrum(NamedTuple):
@@ -102,18 +107,18 @@ class Spectrum(NamedTuple):
 
 
 @inlined
-def _extend(row: Vector, B: Matrix, rank: int, along: Vector) -> bool:
-    """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised.
+def _extend(row: Vector, B: Matrix, rank: int, least: float, along: Vector) -> float:
+    """Write what of a row is orthogonal to the first `rank` rows of B behind them.
 
     All projections at once, and once more where little is left (classical Gram and Schmidt twice).
-    Returns whether anything is: False for a row that is 0 or depends on those of B.
+    Returns its share of the row, 0 of a row of zeros; it is normalised where that exceeds `least`.
     """
     n, fresh, top = row.size, B[rank], 0.0
     for i in range(n):
         fresh[i] = row[i]
         top = max(top, abs(row[i]))
     if top == 0.0:
-        return False
+        return 0.0
     if not SMALL < top < HUGE:
         for i in range(n):
             fresh[i] /= top
@@ -126,12 +131,38 @@ def _extend(row: Vector, B: Matrix, rank: int, along: Vector) -> bool:
         left = dot(fresh, fresh)
         if rank == 0 or left > SURE * SURE * whole:
             break
-    if left <= DEPENDENT * DEPENDENT * whole:
-        return False
-    inverse = 1.0 / math.sqrt(left)
-    for i in range(n):
-        fresh[i] *= inverse
-    return True
+    share = math.sqrt(left / whole)
+    if share > least:
+        inverse = 1.0 / math.sqrt(left)
+        for i in range(n):
+            fresh[i] *= inverse
+    return share
+
+
+@inlined
+def _extend_by_task(jacobian: Matrix, first: int, last: int, rank: int, basis: Basis) -> int:
+    """Orthonormalise rows first ≤ row < last of a task behind the first `rank` rows of B.
+
+    Every pass accepts the rows of which more than its share is left, so that no direction is much
+    less exact than what decides on the next row. Returns how many rows B has then.
+    """
+    B, along, rows = basis.B, basis.D, basis.rows
+    count, n = last - first, jacobian.shape[1]
+    for i in range(count):
+        rows[i] = first + i
+    for least in SHARES:
+        waiting = 0
+        for i in range(count):
+            if rank == n:
+                return rank
+            share = _extend(jacobian[rows[i]], B, rank, least, along)
+            if share > least:
+                rank += 1
+            elif share > DEPENDENT:  # only less can be left of it later
+                rows[waiting] = rows[i]
+                waiting += 1
+        count = waiting
+    return rank
 
 
 @inlined
@@ -172,18 +203,15 @@ def exact_basis(above: Above, count: int, common: int, basis: Basis) -> tuple[in
         basis: written.
     """
     jacobian, offsets, closes, alpha, order = above
-    B, D, ranks = basis
-    along = D  # scratch until D is written
-    n, base, rank = jacobian.shape[1], 0.0, ranks[common]
+    D, ranks = basis.D, basis.ranks  # D is scratch until it is written
+    base, rank = 0.0, ranks[common]
     for t in range(count):
         j = order[t]
         if closes[j]:
             base = alpha[j]
             break
         if t >= common:
-            for row in range(offsets[j], offsets[j + 1]):
-                if rank < n and _extend(jacobian[row], B, rank, along):
-                    rank += 1
+            rank = _extend_by_task(jacobian, offsets[j], offsets[j + 1], rank, basis)
             ranks[t + 1] = rank
     for t in range(count):
         j = order[t]
@@ -300,7 +328,7 @@ def projector_kernel(alpha: Vector, jacobian: Matrix, width: float, out: Matrix)
     order, rows = np.empty(m, np.int64), np.empty(m, np.int64)
     B, D, ranks = np.empty((2 * m + 1, n)), np.empty(m), np.zeros(m + 1, np.int64)
     count = sort_tasks(alpha, closes, np.zeros(m), order)
-    above, basis = Above(jacobian, offsets, closes, alpha, order), Basis(B, D, ranks)
+    above, basis = Above(jacobian, offsets, closes, alpha, order), Basis(B, D, ranks, rows)
     if width > 0.0:
         spectrum = Spectrum(rows, np.empty((m, m)), np.empty((m, m)))
         rank, c = smooth_basis(above, count, width, basis, spectrum)

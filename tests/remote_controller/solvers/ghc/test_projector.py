@@ -12,6 +12,12 @@ from support.oracles.plain_lqp import projected_sum
 from support.solvers.one_shot import generalized_projector
 
 from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.ghc.projector_kernels import (
+    Above,
+    Basis,
+    exact_basis,
+    sort_tasks,
+)
 from hoap3.remote_controller.solvers.ghc.reference import null_space, projector
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -97,6 +103,63 @@ def test_a_network_of_priorities():
         for j in range(1, 7):
             felt = np.abs(J[j - 1] @ P).max()
             assert (felt < 1e-12) if j in upper else (felt > 1e-2), (task, j)
+
+
+def of_two_tasks(upper: np.ndarray, lower: np.ndarray) -> tuple[int, np.ndarray]:
+    """The rank of all rows, and P of a third task: priorities 1 and 0.6 over it."""
+    J, alpha = np.vstack([upper, lower]), np.array([1.0, 0.6])
+    (m, n), closes, order = J.shape, np.zeros(2, np.int64), np.zeros(2, np.int64)
+    count = sort_tasks(alpha, closes, np.zeros(2), order)
+    above = Above(J, np.array([0, len(upper), m]), closes, alpha, order)
+    basis = Basis(np.zeros((m + 1, n)), np.zeros(m), np.zeros(3, np.int64), np.zeros(m, np.int64))
+    rank, c = exact_basis(above, count, 0, basis)
+    B = basis.B[:rank]
+    return rank, c * np.eye(n) - B.T * basis.D[:rank] @ B
+
+
+def nearly_dependent(rng: np.random.Generator, share: float) -> tuple[np.ndarray, ...]:
+    """Two tasks in 9 of 15 dimensions, and the orthonormal Q of which they are combinations.
+
+    The upper task spans Q[:4], the lower one all. Only `share` of its first row is outside Q[:4],
+    along Q[4]; it has 8 rows more than needed.
+    """
+    Q = np.linalg.qr(rng.normal(size=(15, 9)))[0].T
+    upper, lower = np.eye(4, 9) + 0.2 * rng.normal(size=(4, 9)), rng.normal(size=(13, 9))
+    upper[:, 4:] = lower[0, 4:] = 0.0
+    lower[0, 4] = share * np.linalg.norm(lower[0, :4])
+    return upper @ Q, lower @ Q, Q
+
+
+class TestNearlyDependentRows:
+    """A direction that is a share s of its row is exact to 1e-16/s only."""
+
+    @pytest.mark.parametrize("share", [1e-10, 2e-9, 1e-8, 1e-7, 1e-6, 1e-4])
+    @given(seed=SEEDS)
+    def test_no_rounding_becomes_a_direction(self, seed, share):
+        upper, lower, Q = nearly_dependent(np.random.default_rng(seed), share)
+        rank, P = of_two_tasks(upper, lower)
+        assert rank == 9
+        exact = np.eye(15) - Q[:4].T @ Q[:4] - 0.6 * Q[4:].T @ Q[4:]
+        np.testing.assert_allclose(P, exact, rtol=0, atol=1e-10)
+
+    @pytest.mark.parametrize("share", [1e-10, 2e-9, 1e-7, 1e-5, 1e-2])
+    @given(seed=SEEDS)
+    def test_a_small_share_counts_where_no_other_row_has_more(self, seed, share):
+        upper, lower, Q = nearly_dependent(np.random.default_rng(seed), share)
+        rank, P = of_two_tasks(upper, np.vstack([lower[0], upper[0], -3.0 * lower[0]]))
+        assert rank == (5 if share > 1e-9 else 4)
+        exact = np.eye(15) - Q[:4].T @ Q[:4] - 0.6 * Q[4:rank].T @ Q[4:rank]
+        np.testing.assert_allclose(P, exact, rtol=0, atol=1e-14 / share)
+
+    @pytest.mark.parametrize("share", [2e-9, 1e-8, 1e-7, 1e-6])
+    @given(seed=SEEDS)
+    def test_the_order_of_rows_within_a_task_does_not_matter(self, seed, share):
+        rng = np.random.default_rng(seed)
+        upper, lower, _ = nearly_dependent(rng, share)
+        rank, P = of_two_tasks(upper, lower)
+        found, shuffled = of_two_tasks(rng.permutation(upper), rng.permutation(lower))
+        assert found == rank
+        np.testing.assert_allclose(shuffled, P, rtol=0, atol=1e-9)
 
 
 class TestSums:
