@@ -48,11 +48,13 @@ DEFAULTS: dict[str, Any] = {
     "kinematics_from": ("measured", "reference"),
 }
 OF_GAMMA: dict[str, Any] = {"gamma": 0.5, "adaptive_gamma": (False, True), "gamma_slope": 100.0}
+OF_OSQP: dict[str, Any] = {**OF_GAMMA, "tolerance": 1e-5}
 OF_PINV: dict[str, Any] = {"law": ("lyapunov", "plain"), "gain_per_s": 10.0}
 """Of the parameters; of several choices the first. A test compares them with the controllers'."""
 MOST = {"gamma": 1.0}
 PER_M = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
+INFEASIBLE = schema("Setpoint").constants["STATUS_INFEASIBLE"]
 
 EPS = float(np.finfo(float).eps)
 PLACE = 8.0 * EPS  # m, m/rad: how exactly e and each column of J are known
@@ -149,6 +151,16 @@ class DescentProblems(ProblemBuilder):
     def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
         """Of the answer."""
 
+    def is_optimal(self, d: Descent) -> bool:
+        """Whether the controller always finds the optimum here."""
+        del d
+        return False
+
+    def more_claims(self, d: Descent, setpoint: Any) -> list[Claim]:
+        """Claims of one controller only."""
+        del d, setpoint
+        return []
+
     def required(self, d: Descent) -> tuple[float, float]:
         """The V̇ that is required, and its error."""
         return -d.psi, d.psi_error
@@ -180,6 +192,9 @@ class DescentProblems(ProblemBuilder):
                 Claim("certified: residual", residual, 0.0, OPTIMAL + exact, "at_most"),
                 Claim("certified: speed", margin, 0.0, near, "at_least"),
             ]
+        if self.is_optimal(d):
+            claims.append(Claim("optimum: residual", residual, 0.0, OPTIMAL + exact, "at_most"))
+        claims += self.more_claims(d, setpoint)
         problems = tuple(self.problems(d, setpoint))
         return Statement("answered", problems, d.u, d.u_error, tuple(claims))
 
@@ -220,12 +235,25 @@ class DescentProblems(ProblemBuilder):
 class OsqpProblems(DescentProblems):
     """Of `osqp`, which says of each answer how far it is from optimal."""
 
-    own = OF_GAMMA
+    own = OF_OSQP
 
     def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
         """None: OSQP's tolerance is wide, and the residual says what came of it."""
         del d, setpoint
         return []
+
+    def more_claims(self, d: Descent, setpoint: Any) -> list[Claim]:
+        """∇V·u = −Ψ holds to OSQP's tolerance ε, where OSQP found a solution.
+
+        Of a'x = 1 and x ≥ 0 its solution is off by at most ε(1 + max(1, |x|)(1 + ε)); x is u in a
+        unit of at least Ψ/(8|∇V|∞). Relative to Ψ, a'x is ∇V·u.
+        """
+        if setpoint["solver_status"] == INFEASIBLE or d.psi == 0.0:
+            return []
+        size = max(1.0, 8.0 * d.fastest * (d.steepest + d.steepest_error) / d.psi)
+        near = float(self.settings["tolerance"]) * (2.0 + 2.0 * size) * d.psi
+        off = d.rate_error + d.psi_error + RELATIVE * (d.terms + d.psi)
+        return [Claim("row to OSQP's tolerance", d.rate, -d.psi, near + off)]
 
     def gamma(self, d: Descent) -> tuple[float, float]:
         """γ of this cycle, and how exactly it is known."""
@@ -273,10 +301,21 @@ class OsqpProblems(DescentProblems):
 class Qp12Problems(OsqpProblems):
     """Of `qp12`, which answers with the optimum."""
 
+    own = OF_GAMMA
+
+    def more_claims(self, d: Descent, setpoint: Any) -> list[Claim]:
+        """None: the row is part of its problem."""
+        del d, setpoint
+        return []
+
+    def is_optimal(self, d: Descent) -> bool:
+        """Where ∇V has a direction: (40) is solved in closed form."""
+        return d.steepest > KNOWN * math.sqrt(d.u.size) * d.steepest_error
+
     def problems(self, d: Descent, setpoint: Any) -> list[Callable[[], Problem]]:
         """(40), where ∇V has a direction and the answer a residual."""
-        residual, n = float(setpoint["kkt_residual"]), d.u.size
-        if not d.steepest > KNOWN * math.sqrt(n) * d.steepest_error or not residual < np.inf:
+        residual = float(setpoint["kkt_residual"])
+        if not self.is_optimal(d) or not residual < np.inf:
             return []
         return [lambda: self._program(d, residual)]
 

@@ -28,6 +28,7 @@ from hoap3.tools.verify.records.log_times import check_log_times
 from hoap3.tools.verify.records.repeated import check_repeated
 from hoap3.tools.verify.robot_log import check_robot
 from hoap3.tools.verify.statements import builder_of, check_engagements
+from hoap3.tools.verify.targets_taken import check_targets
 
 PARALLEL_FROM = 50_000
 """States from which on the parts of a verification run in processes of their own."""
@@ -264,6 +265,7 @@ def _check_controller(
             builder_of(name, parameters, allow_code=allow_code)
     except UnverifiableError as error:
         reason = str(error)
+    check_targets(log.records(), parameters, claims)
     for run in runs(log.records()):
         check_order(run, claims)
         say(f"{len(run.answers)} answers")

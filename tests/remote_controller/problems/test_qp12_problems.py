@@ -14,7 +14,9 @@ import pytest
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller
 from hoap3.remote_controller.problems.check import check_problem
+from hoap3.remote_controller.solvers.qp12.osqp_qp12 import OsqpQp12
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.statements import builder_of, check_engagements
 
@@ -126,6 +128,45 @@ def test_each_changed_number_is_found_at_its_tick(name):
     assert list(changed.values()) == list(CHANGED)
     assert {tick: field for tick, field in changed.items() if tick not in found} == {}
     assert found <= changed.keys()
+
+
+@pytest.mark.parametrize("name", ["qp12", "few joints"])
+def test_a_wrong_answer_is_found_although_its_certificate_admits_it(name, monkeypatch):
+    descend = Qp12Controller.descend
+
+    def give_up(self: Qp12Controller, certificate: Any) -> int:
+        found = descend(self, certificate)
+        if certificate[0] > 0.0:
+            self.u[:] = certificate[2] = 0.0
+            certificate[4:] = self._u_max, 1.0
+        return found
+
+    monkeypatch.setattr(Qp12Controller, "descend", give_up)
+    config, robot, settings = RUNS[name]
+    records, parameters = recorded(config, robot, 20, **settings)
+
+    found = checked(records, config, parameters)
+
+    assert found.counts["residual"].false == 0
+    assert found.counts["optimum: residual"].false == 20
+
+
+@pytest.mark.parametrize(("by", "false"), [(1.0, 0), (1.0 + 1e-3, 20)])
+def test_osqp_answers_with_the_required_rate(by, false, monkeypatch):
+    solve = OsqpQp12.solve
+
+    def solve_scaled(
+        self: OsqpQp12, gradient: Any, decrease: float, gamma: float, out: Any
+    ) -> None:
+        solve(self, gradient, by * decrease, gamma, out)
+
+    monkeypatch.setattr(OsqpQp12, "solve", solve_scaled)
+    records, parameters = recorded("osqp", "hoap3", 20)
+
+    found = checked(records, "osqp", parameters)
+
+    assert found.false == false
+    assert found.counts["row to OSQP's tolerance"].false == false
 
 
 @pytest.mark.parametrize("name", ["qp12", "osqp", "pinv"])
