@@ -18,6 +18,8 @@ POSITION = 3  # numbers of a point that `lower_m` and `upper_m` limit
 def check_targets(records: Iterable[Record], parameters: Mapping[str, Any], claims: Claims) -> None:
     """Check the positions of all messages that were taken; `claims` takes the tick before each."""
     ranges = {str(each.get("name", "target")): each for each in _live(parameters)}
+    if not ranges:
+        return
     names: list[str] = []
     tick = -1
     for kind, _, payload in records:

@@ -265,7 +265,7 @@ def _check_controller(
             builder_of(name, parameters, allow_code=allow_code)
     except UnverifiableError as error:
         reason = str(error)
-    check_targets(log.records(), parameters, claims)
+    check_targets(log.records(Kind.SESSION, Kind.STATE, Kind.TARGET), parameters, claims)
     for run in runs(log.records()):
         check_order(run, claims)
         say(f"{len(run.answers)} answers")
