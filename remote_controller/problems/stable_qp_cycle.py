@@ -47,6 +47,7 @@ PLACES = 8.0 * float(np.finfo(float).eps)  # m or rad: how exactly e and each co
 AS_ASKED = 1e-9  # rad/s: speed by which V̇ may miss what is asked and counts as that
 LARGEST_RHO = 1e9  # stands for infinity
 OPTIMAL = 1e-9  # greatest relative residual of a certified answer
+PROVED = 1e-8  # greatest one that shows an optimum: the optimum is known as exactly as it states
 KEPT, SOLVED = 1e-9, 1e-8  # what a certified and any other answer may be beyond a row [rad/s]
 CURVATURE = 1e-6  # of a margin: what a certified answer may find it below 0
 RETREATS = 1e-9, 1e-7, 1e-5, 1e-3
@@ -231,7 +232,7 @@ class Cycle:
     def unverified(self) -> tuple[tuple[str, str], ...]:
         """What neither claims nor problems can show of this answer, and why."""
         reasons = []
-        if self.answered and self._unproved:
+        if self.answered and not self._setpoint["kkt_residual"] <= PROVED:
             reasons.append(("optimum", "the controller states no proof"))
         if self.status not in {*FOLLOWED, INFEASIBLE}:
             reasons.append(("no answer", "that a solver finds none is not recomputed"))

@@ -14,6 +14,7 @@ import pytest
 from hoap3.protocol.messages import Setpoint, Target
 from hoap3.protocol.robot.description import RobotDescription
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.controllers.certificate import STATUS
 from hoap3.remote_controller.problems.stable_qp import StableQpProblems
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.statements import check_statements
@@ -110,6 +111,21 @@ def test_no_finding_in_a_long_run(name):
     cycles = found.counts["V"].checked
     print(f"{name}: {1e3 * (time.process_time() - begin) / cycles:.2f} ms a cycle, {cycles} cycles")
     assert found.by_tick() == []
+
+
+@pytest.mark.parametrize(("residual", "unverified"), [(0.9e-8, 0), (1.1e-8, 1), (np.inf, 1)])
+def test_an_optimum_that_a_large_residual_excuses_is_not_verified(residual, unverified):
+    records, parameters = run("slow joints", 40)
+    place = [i for i, record in enumerate(records) if record.kind == Kind.SETPOINT][20]
+    setpoint = Setpoint.like(records[place].payload)
+    setpoint.load(records[place].payload)
+    setpoint.kkt_residual, setpoint.solver_status = residual, STATUS["uncertified"]
+    records[place] = records[place]._replace(payload=setpoint.dump())
+
+    found = checked(records, parameters)
+
+    assert found.by_tick() == []
+    assert found.unverifiable == unverified
 
 
 def test_a_velocity_that_is_not_a_number_is_not_verified():
