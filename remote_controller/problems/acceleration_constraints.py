@@ -20,6 +20,7 @@ from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.remote_controller.problems.statement import Array, Claim, Rows
 
 CURVATURE = 1e-6  # of a margin: so far below 0 it counts as kept
+LONGEST_S = 1e3  # of a stop: what takes longer is none
 STILL = 1e-9  # rad/s² or m/s²: what a joint brakes with at least
 BETWEEN = 1e-4  # m: how far below 0 a margin may be on the way of a stop
 STOP = 0.5, 1.0  # shares of that way at which margins are looked at
@@ -37,6 +38,7 @@ class Constraints:
         unknown: reasons why some are not recomputed, by name; of the others there is `known`.
         torque_max: (n,) what they leave of the joints' torques.
         margin, margin_error: the least margin of the newest State, after `rows`.
+        rows_error: how exactly the limits of rows of length 1 are known.
     """
 
     def __init__(self, entries: Sequence[Mapping[str, Any]], robot: Robot, brake: Array) -> None:
@@ -44,7 +46,7 @@ class Constraints:
         self._speed = np.array(description.velocity)
         self._brake = np.minimum(description.brake_acceleration, brake)
         self._brake = np.minimum(self._brake, description.setpoint_acceleration_max)
-        self.margin, self.margin_error = np.inf, 0.0
+        self.margin, self.margin_error, self.rows_error = np.inf, 0.0, 0.0
         self.torque_max = np.full(description.n, np.inf)
         self._read(entries)
         for each in self.known:
@@ -92,7 +94,7 @@ class Constraints:
 
     def rows(self, dq: Array, ddq: Array, ddq_error: Array) -> tuple[Rows, ...]:
         """Return rows of length 1 where `robot` is placed and moved, exact for an answer q̈."""
-        found = []
+        found, self.rows_error = [], 0.0
         for each in self.known:
             rows = each.acceleration_rows(dq)
             if rows is None:
@@ -101,7 +103,9 @@ class Constraints:
             used = (length > 0.0) & ((rows.lower > -np.inf) | (rows.upper < np.inf))
             size = length[used]
             A, sides = rows.A[used] / size[:, None], (rows.lower[used], rows.upper[used])
-            error = rows.error[used] / size + np.abs(A) @ ddq_error
+            error = rows.error[used] / size
+            self.rows_error = max(self.rows_error, float(error.max(initial=0.0)))
+            error = error + np.abs(A) @ ddq_error
             error += RELATIVE * (1.0 + np.abs(A) @ np.abs(ddq))
             given = {"A_error": rows.A_error[used] / size, "optional": rows.optional[used]}
             found.append(Rows.of(A, *(side / size for side in sides), error=error, **given))
@@ -126,7 +130,10 @@ class Constraints:
             return []
         T = self._robot.description.period_s
         after, speed = q + T * (dq + 0.5 * T * ddq), dq + T * ddq
-        way = 0.5 * self._duration(speed) * speed
+        duration = self._duration(speed)
+        if not np.isfinite(duration):
+            return [Claim("stop: duration", duration, LONGEST_S, 0.0, "at_most")]
+        way = 0.5 * duration * speed
         now = np.minimum(np.concatenate([each.margins for each in limits]), 0.0)
         now[np.isneginf(now)] = 0.0
         least = np.inf
@@ -154,9 +161,10 @@ class Constraints:
         self._robot.move(state["dq"])
 
     def _duration(self, dq: Array) -> float:
-        """Return how long all joints brake, in whole periods [s]."""
-        T, longest = self._robot.description.period_s, np.abs(dq) / np.maximum(self._brake, STILL)
-        return math.ceil(float(longest.max()) / T - 1e-9) * T
+        """Return how long all joints brake, in whole periods [s]; inf where that is no stop."""
+        T = self._robot.description.period_s
+        longest = float((np.abs(dq) / np.maximum(self._brake, STILL)).max())
+        return math.ceil(longest / T - 1e-9) * T if longest <= LONGEST_S else math.inf
 
 
 def tightened(rows: Rows) -> Rows:
