@@ -5,7 +5,8 @@ Tasks desire J·q̈ = kp·e − kd·ν − ν̇₀ (Del Prete, IEEE RA-L 2018, (
 
 `Setpoint.fallback` selects the branch. 0: the optimum of the tasks. 1: the q̈ that is nearest to a
 wish within bounds and torques. 2: no q̈ is within both, and the bounds are kept while torques are
-exceeded as little as possible. 3: the wish, clipped to the bounds.
+exceeded as little as possible. 3: the wish, clipped to the bounds. 4: constraints stop the robot:
+the q̈ that is nearest to all joints' braking together, within bounds and torques.
 """
 
 from __future__ import annotations
@@ -30,6 +31,11 @@ from hoap3.remote_controller.problems.acceleration_claims import (
     refused,
     rounding_of,
     worst,
+)
+from hoap3.remote_controller.problems.acceleration_constraints import (
+    CURVATURE,
+    Constraints,
+    tightened,
 )
 from hoap3.remote_controller.problems.check import infeasibility
 from hoap3.remote_controller.problems.history import ProblemBuilder
@@ -77,6 +83,8 @@ VIOLATION_WEIGHTS = 1e4, 1e2, 1.0  # P; the next one where the solver gives up
 FREE_BASE_ONLY = {"base", "contacts"}
 FREE_BASE = "problems of a free base are not stated"
 NO_PROOF = "that a solver finds no answer, though there may be one, is not recomputed"
+NEED = "that the robot has to stop for a constraint is not recomputed"
+SEVERAL = "which of several nearest points of bodies have rows is not recomputed"
 
 
 class Optimum(NamedTuple):
@@ -101,12 +109,14 @@ class Wish(NamedTuple):
         R, r: (s, n) and (s,).
         ddq: its optimum without limits, (n,).
         error: of it, relative to the largest acceleration.
+        gain: by how much an error of the constraints' rows moves it.
     """
 
     R: Array
     r: Array
     ddq: Array
     error: float = 0.0
+    gain: float = 0.0
 
 
 class AccelerationProblems(ProblemBuilder):
@@ -125,6 +135,8 @@ class AccelerationProblems(ProblemBuilder):
     """Whether the controller states the residual, and certifies by it."""
     free: ClassVar[bool] = False
     """Whether the base is free."""
+    in_rows: ClassVar[bool] = True
+    """Whether `optimum` is a program, in which rows may be optional."""
     least_w_r: ClassVar[float] = 1e-6
     """The least ω_r that a config may have, of controllers with one."""
 
@@ -148,8 +160,9 @@ class AccelerationProblems(ProblemBuilder):
         return list(settings["tasks"])
 
     def derivative_claims(self) -> list[Claim]:
-        """Claims of the derivatives of users' tasks."""
-        return [claim for task in self.tasks for claim in task.derivative_claims(self._robot)]
+        """Claims of the derivatives of users' tasks and constraints."""
+        found = [claim for task in self.tasks for claim in task.derivative_claims(self._robot)]
+        return found + self.constraints.derivative_claims()
 
     @abstractmethod
     def schedule(self, settings: Settings) -> Schedule:
@@ -199,6 +212,8 @@ class AccelerationProblems(ProblemBuilder):
         self._columns = {name: place for place, name in enumerate(session.get("extra") or ())}
         self._schedule = TickSchedule(self.schedule(self.settings), description.period_s)
         self._first_tick = 0
+        largest = bounds.Bounds.of(description, self.settings["bounds"]).scale
+        self.constraints = Constraints(self.settings["constraints"] or (), robot, largest)
         self._apply(self.settings)
         self._start = np.full(description.n, np.nan)
         robot.place(description.initial_position)
@@ -232,6 +247,7 @@ class AccelerationProblems(ProblemBuilder):
         self.bounds = bounds.Bounds.of(description, settings["bounds"])
         given = settings["bounds"]["torque_max"] or (np.inf,)
         self.torque_max = np.minimum(description.effort, given)
+        self.torque_max = np.minimum(self.torque_max, self.constraints.torque_max)
 
     def adopt(self, parameters: Settings) -> None:
         """Take other parameters from the newest State on; all that is remembered stays."""
@@ -242,14 +258,17 @@ class AccelerationProblems(ProblemBuilder):
             if task.by_differences and entry["parameters"] != old["parameters"]:
                 self.tasks[place] = self._task_of(entry)
                 self.tasks[place].take_over(task)
+        self.constraints.adopt(settings["constraints"] or (), self.history.first)
         self.settings = settings
         self._apply(settings)
 
     def begin(self) -> None:
-        """Start all tasks from the first State that is finite."""
+        """Start all tasks and constraints from the first State that is finite."""
         self._move(self.history.state)
         for task in self.tasks:
             task.begin(self._robot, self.history.time_s)
+        if self.constraints:
+            self.constraints.begin(self.history.state)
 
     def _move(self, state: Any) -> None:
         self._robot.place(state["q"])
@@ -265,7 +284,7 @@ class AccelerationProblems(ProblemBuilder):
         self._start = np.array(history.state["q"])
 
     def observe(self) -> None:
-        """Evaluate what has memory: the schedule, tolerances, and contacts."""
+        """Evaluate what has memory: the schedule, tolerances, contacts, and constraints."""
         history, schedule = self.history, self._schedule
         state, time_s, period_s = history.state, history.time_s, history.description.period_s
         for request in history.requests:
@@ -282,6 +301,7 @@ class AccelerationProblems(ProblemBuilder):
         for place, task in self._wrench_tasks.items():
             wrench = state["wrench"][self._sensors[task.sensor]]
             task.feel(self._robot, wrench, float(absent[place]), time_s, period_s)
+        self.constraints.follow(state)
 
     def problem(self) -> Statement | None:
         """The problem of the newest answer; None where the log lacks what it depends on."""
@@ -293,25 +313,25 @@ class AccelerationProblems(ProblemBuilder):
 
     def state_problem(self, setpoint: Any) -> Statement:
         """The problem of an answer to the newest State."""
-        values = np.array(setpoint["values"])
         cycle = self._cycle(setpoint)
         tops = np.repeat(self.tops(cycle.importance), np.diff(self.edges))
         claims = [
             *lyapunov_claims(setpoint, cycle, tops, self.history.description.period_s),
             *self._column_claims(setpoint, cycle),
         ]
-        constraints = {
-            str(each.get("constraint"))[:60] for each in self.settings["constraints"] or ()
-        }
-        if constraints:
-            reasons = tuple(
-                ("bounds and optimum", f"constraint {kind} of accelerations is not recomputed")
-                for kind in sorted(constraints)
-            )
-            error = np.zeros(values.shape)
-            return Statement("constraints", (), values, error, tuple(claims), reasons)
         claims += self._motion_claims(setpoint, cycle)
-        fallback = int(setpoint["fallback"])
+        fallback, given = int(setpoint["fallback"]), (cycle.ddq, cycle.ddq_error)
+        unknown = self.constraints.unknown
+        several = any(rows.optional.any() for rows in cycle.kept) and fallback != STOPPED
+        if unknown or (several and (fallback != SOLVED or not self.in_rows)):
+            claims += self._proof_claims(setpoint, cycle, bool(tops.any()), np.inf)
+            reasons = [(f"constraint {name}", why) for name, why in unknown.items()]
+            reasons += [] if unknown else [("optimum", SEVERAL)]
+            branch = BRANCHES[min(fallback, STOPPED)]
+            return Statement(branch, (), *given, tuple(claims), tuple(reasons))
+        if fallback != STOPPED:
+            q = np.array(self.history.state["q"])
+            claims += self.constraints.stop_claims(q, cycle.dq, cycle.ddq)
         if fallback == SOLVED:
             best = self.optimum(cycle)
             claims += self._proof_claims(setpoint, cycle, bool(tops.any()), best.exact)
@@ -319,7 +339,7 @@ class AccelerationProblems(ProblemBuilder):
             given = best.answer, best.answer_error
             return Statement(BRANCHES[SOLVED], problems, *given, tuple(claims))
         claims += self._proof_claims(setpoint, cycle, False, 0.0)
-        return self._instead(cycle, fallback, claims)
+        return self._instead(cycle, setpoint, claims)
 
     def _cycle(self, setpoint: Any) -> Cycle:
         """Evaluate tasks, dynamics, bounds and the answer's motion at the newest State."""
@@ -346,9 +366,11 @@ class AccelerationProblems(ProblemBuilder):
             desired.append(wanted)
             errors.append(np.array([kp, kd, 1.0]) @ rows.exact + ROUNDING * size)
         least, most = self.bounds.begun(self._start).at(q, dq)
+        least, most = self.constraints.narrow(q, dq, least, most)
         found = dq, stack_rows(seen), np.concatenate(desired), np.concatenate(errors)
         motion = self._motion(setpoint, M, h, added, dq)
-        return Cycle(*found, M, h, added, least, most, self._schedule.values, *motion)
+        kept = self.constraints.rows(dq, motion[0], motion[2])
+        return Cycle(*found, M, h, added, least, most, self._schedule.values, *motion, kept)
 
     def _motion(
         self, setpoint: Any, M: Array, h: Array, added: Array, dq: Array
@@ -401,11 +423,14 @@ class AccelerationProblems(ProblemBuilder):
         share = float((np.abs(cycle.tau) / most).max())
         off = RELATIVE * share + float((cycle.tau_error / most).max())
         stated = float(setpoint["extra"][self._columns["largest_torque_share"]])
+        if self.constraints.unknown:  # which may leave less of torques and accelerations
+            return [*claims, Claim("largest torque share", stated, share, off, "at_least")]
         claims.append(Claim("largest torque share", stated, share, off))
         room = np.minimum(cycle.ddq - cycle.lower, cycle.upper - cycle.ddq) / largest
         greatest = float((np.minimum(np.abs(cycle.ddq), FAR * largest) / largest).max())
         off += float((cycle.ddq_error / largest).max()) + RELATIVE * max(1.0, greatest)
-        margin = min(1.0, float(room.min()), 1.0 - share)
+        margin = min(1.0, float(room.min()), 1.0 - share, self.constraints.margin)
+        off += self.constraints.margin_error
         return [*claims, Claim("margin", float(setpoint["margin"]), margin, off)]
 
     def _proof_claims(
@@ -425,8 +450,10 @@ class AccelerationProblems(ProblemBuilder):
             Claim("rho", float(setpoint["rho"]), 1.0, RELATIVE),
             Claim("residual", residual, 0.0, off),
         ]
-        if fallback != STOPPED:
-            claims.append(Claim("solver path", float(setpoint["solver_path"]), fallback, 0.0))
+        path = float(setpoint["solver_path"])  # of a stop, what came before it
+        claims.append(
+            Claim("solver path", path, min(path, STOPPED) if fallback == STOPPED else fallback, 0.0)
+        )
         load = float((np.abs(cycle.h) / self.torque_max).max())
         stationary = any(each.startswith(STATIONARY) for each in self.history.conditions)
         touches = any(task.touches for task in self._wrench_tasks.values())
@@ -435,36 +462,53 @@ class AccelerationProblems(ProblemBuilder):
             at_limit = abs(load - 1.0) <= ROUNDING * max(load, 1.0)  # either is right
             holds = load <= 1.0 or (at_limit and status == CERTIFIED)
             rests = not (self._schedule.moves or touches or stationary)
-            if holds and rests and residual <= OPTIMAL:
+            beyond, near = self.constraints.margin + CURVATURE, self.constraints.margin_error
+            kept = beyond >= 0.0
+            if self.constraints.unknown or abs(beyond) <= near:  # either is right
+                kept = beyond >= -near and status == CERTIFIED
+            if holds and kept and rests and residual <= OPTIMAL:
                 expected = CERTIFIED
         return [*claims, Claim("status", status, expected, 0.0)]
 
-    def _instead(self, cycle: Cycle, fallback: int, claims: list[Claim]) -> Statement:
+    def _instead(self, cycle: Cycle, setpoint: Any, claims: list[Claim]) -> Statement:
         """State what an answer solves where the tasks' problem has no answer."""
-        wish, unverified = self.wish(cycle), [("fallback: no answer", NO_PROOF)]
+        fallback = int(setpoint["fallback"])
+        stops = fallback == STOPPED and bool(self.constraints)
+        if stops:
+            brake, one = self.constraints.stop(cycle.dq), np.eye(len(cycle.dq))
+            wish, unverified = Wish(one, brake, brake), [("fallback: stop", NEED)]
+        else:
+            wish, unverified = self.wish(cycle), [("fallback: no answer", NO_PROOF)]
         span = max(TINY, float(np.abs(cycle.ddq).max()), float(np.abs(wish.ddq).max()))
         error = (RELATIVE + wish.error) * span + float(cycle.ddq_error.max())
-        limits = self._limits(cycle, error)
+        error += wish.gain * self.constraints.rows_error
+        limits = self._limits(cycle, error, rows=not stops)
         problems: list[Callable[[], Problem]] = []
-        if fallback == NEAREST:
-            problems = [partial(self._nearest, cycle, wish, limits, error)]
-        elif fallback == OVERLOADED:
-            claims.append(self._infeasibility_claim(cycle, limits))
+        if fallback == NEAREST or stops:
+            problems += [partial(self._nearest, cycle, wish, limits, error)]
+        if fallback == OVERLOADED:
+            claims.append(self._infeasibility_claim(cycle))
             unverified = []
-            problems = [
+        if fallback == OVERLOADED or stops:
+            problems += [
                 partial(self._overloaded, cycle, wish, limits, error, P) for P in VIOLATION_WEIGHTS
             ]
-        elif fallback == CLIPPED:
+        if stops and int(setpoint["solver_path"]) == STOPPED:
+            claims.append(self._contradiction_claim(cycle))
+            unverified = []
+        if fallback == CLIPPED or stops:
             clipped = np.clip(wish.ddq, cycle.lower, cycle.upper)
-            problems = [partial(ClosedForm, (clipped,), np.full(len(clipped), error))]
-        else:
+            problems += [partial(ClosedForm, (clipped,), np.full(len(clipped), error))]
+        if not problems:
             claims.append(Claim("fallback", fallback, CLIPPED, 0.0, "at_most"))
         branch = BRANCHES[min(fallback, STOPPED)]
         given = cycle.ddq, cycle.ddq_error, tuple(claims), tuple(unverified)
         return Statement(branch, tuple(problems), *given)
 
-    def _limits(self, cycle: Cycle, error: Array | float) -> Rows:
-        return Rows.of(np.eye(len(cycle.dq)), cycle.lower, cycle.upper, error=error)
+    def _limits(self, cycle: Cycle, error: Array | float, *, rows: bool = True) -> Rows:
+        """Return bounds of q̈ and, unless `rows` is false, what constraints ask for."""
+        own = Rows.of(np.eye(len(cycle.dq)), cycle.lower, cycle.upper, error=error)
+        return Rows.stacked([own, *(cycle.kept if rows else ())])
 
     def _torque_rows(self, cycle: Cycle) -> Rows:
         error = RELATIVE * (1.0 + np.abs(cycle.tau)) + cycle.tau_error
@@ -490,9 +534,16 @@ class AccelerationProblems(ProblemBuilder):
         r = weight * (sign - cycle.h[over] / most)
         return Program.of(np.vstack([wish.R, R]), np.concatenate([wish.r, r]), limits, error)
 
-    def _infeasibility_claim(self, cycle: Cycle, limits: Rows) -> Claim:
+    def _contradiction_claim(self, cycle: Cycle) -> Claim:
+        """Each q̈ within its bounds violates some row of the constraints."""
+        kept = tightened(Rows.stacked([Rows.of(cycle.M[:0], 0.0, 0.0), *cycle.kept]))
+        size = 1.0 + np.where(np.isfinite(kept.upper), np.abs(kept.upper), 0.0).max(initial=0.0)
+        excess = infeasibility(kept, self._limits(cycle, 0.0, rows=False))
+        return Claim("fallback: none keeps the rows", excess, 0.0, RELATIVE * size, "at_least")
+
+    def _infeasibility_claim(self, cycle: Cycle) -> Claim:
         """The least t such that some q̈ within its bounds has |τ| ≤ (1 + t)·τ_max is positive."""
-        most = self.torque_max
+        most, limits = self.torque_max, tightened(self._limits(cycle, 0.0))
         rows = Rows.of(cycle.M / most[:, None], -1.0 - cycle.h / most, 1.0 - cycle.h / most)
         excess = infeasibility(rows, limits)
         return Claim("fallback: none is within all", excess, 0.0, RELATIVE, "at_least")

@@ -9,7 +9,7 @@ import numpy as np
 
 from hoap3.protocol.messages import schema
 from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING, TaskRows
-from hoap3.remote_controller.problems.statement import Array, Claim, Flags, Statement
+from hoap3.remote_controller.problems.statement import Array, Claim, Flags, Rows, Statement
 
 RELATIVE = 1e-9  # of what is compared: rounding
 ACTIVE = 1e-3  # rad/s or m/s: speed from which a joint counts as active
@@ -37,6 +37,7 @@ class Cycle:
         lower, upper: of q̈, (n,).
         importance: weights (k,) or priorities (k, k).
         ddq, tau, ddq_error, tau_error: of the answer, (n,), and rounding errors.
+        kept: rows of q̈ that constraints ask for, each of length 1.
     """
 
     dq: Array
@@ -53,6 +54,7 @@ class Cycle:
     tau: Array
     ddq_error: Array
     tau_error: Array
+    kept: tuple[Rows, ...] = ()
 
 
 def lyapunov_claims(setpoint: Any, cycle: Cycle, top: Flags, T: float) -> list[Claim]:

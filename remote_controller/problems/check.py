@@ -34,6 +34,7 @@ ROUNDING = 64.0 * float(np.finfo(float).eps)
 STEPS = 100  # of non-negative least squares, for each unknown
 CLOSE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 INFEASIBLE = 2  # status of scipy's linprog
+DEPENDENT = 1e-9  # of a singular value of equations of length 1: less is 0
 TINY = 1e-290  # in place of 0, so that all but 0 is many times as large
 
 
@@ -162,8 +163,8 @@ def _check_gains(problem: GainProgram) -> list[Finding]:
 def _check_cascade(problem: Cascade, answer: Array, error: Array) -> list[Finding]:
     """That each step is the optimum of its level, and that all together are the answer."""
     found: list[Finding] = []
-    rows, exact = problem.rows, np.zeros(len(answer))
-    x, Z, slack = np.zeros(len(answer)), np.eye(len(answer)), 0.0
+    exact, slack = np.zeros(len(answer)), 0.0
+    rows, (x, Z, _) = problem.rows, start_of(problem.equations)
     for (J, b), step in zip(problem.levels, problem.steps, strict=True):
         N = Z.shape[1]
         if not N:
@@ -181,6 +182,19 @@ def _check_cascade(problem: Cascade, answer: Array, error: Array) -> list[Findin
         found += _check_program(program, x + step, exact)
         x, (Z, _), slack = x + step, remaining(Z, J, problem.rank), problem.slack
     return [*found, _largest("answer", np.abs(x - answer), problem.error + error)]
+
+
+def start_of(equations: Rows) -> tuple[Array, Array, Array]:
+    """Return the shortest x (n,) that keeps equations, rows of length 1, where a cascade starts.
+
+    And a basis Z (n, N) of what they map to 0, and the error of x, (n,).
+    """
+    E, one = equations.A, np.eye(equations.A.shape[1])
+    if not len(E):
+        return 0.0 * one[0], one, 0.0 * one[0]
+    rank = DEPENDENT / float(np.linalg.norm(E, 2))
+    inverse, (Z, _) = np.linalg.pinv(E, rank), remaining(one, E, rank)
+    return inverse @ equations.lower, Z, np.abs(inverse) @ equations.error
 
 
 def remaining(Z: Array, J: Array, rank: float) -> tuple[Array, float]:

@@ -15,7 +15,8 @@ most n variables however many tasks there are; it is stated like this, as S may 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
@@ -114,7 +115,7 @@ class GhcProblems(AccelerationProblems):
         tau = Values(cycle.tau, cycle.tau_error, -self.torque_max, self.torque_max)
         weight, offset = self._effort(cycle)
         given = self._condensed(cycle, cycle.rows.jacobian), weight, cycle.M, cycle.h, offset
-        return program_of(*given, ddq, tau, np.zeros(len(cycle.dq)))
+        return program_of(*given, ddq, tau, np.zeros(len(cycle.dq)), cycle.kept)
 
     def wish(self, cycle: Cycle) -> Wish:
         """Return the optimum with strong motors."""
@@ -167,7 +168,8 @@ class GhcTorqueProblems(GhcProblems):
         ddq = Values(cycle.ddq, cycle.ddq_error, cycle.lower, cycle.upper)
         none = np.zeros(len(h))
         given = self._condensed(cycle, cycle.rows.jacobian @ inverse), 0.0, inverse, none, none
-        return program_of(*given, torque, ddq, h)
+        kept = [replace(rows, A=rows.A @ inverse) for rows in cycle.kept]
+        return program_of(*given, torque, ddq, h, kept)
 
     def wish(self, cycle: Cycle) -> Wish:
         """Return the optimum with strong motors."""
@@ -290,6 +292,7 @@ def program_of(
     x: Values,
     y: Values,
     shift: Array,
+    kept: Sequence[Rows] = (),
 ) -> Optimum:
     """State min ½ (x − q₀)ᵀ S⁺ (x − q₀) + ½ ω |y − o|² with y = M x + h; the answer is x + shift.
 
@@ -299,6 +302,7 @@ def program_of(
         M, h, offset: (n, n) and (n,).
         x, y: of an answer, with their limits.
         shift: (n,).
+        kept: further rows of x.
     """
     S, q0, q0_error = tasks
     V, length = roots_of(S)
@@ -308,7 +312,8 @@ def program_of(
     R, r = np.eye(N), np.zeros(N)
     if weight > 0.0:
         R, r = np.vstack([R, np.sqrt(weight) * T]), np.append(r, np.sqrt(weight) * (offset - t))
-    rows = Rows.stacked([x.rows(U, q0), y.rows(T, t)])
+    more = [replace(each, A=each.A @ U, a=each.A @ q0) for each in kept]
+    rows = Rows.stacked([x.rows(U, q0), y.rows(T, t), *more])
     span = max(SMALLEST, float(np.abs(x.found).max()), float(np.abs(q0).max()))
     doubt = weight * (np.abs(M) @ y.error + ROUNDING * np.abs(M @ (y.found - offset)))
     exact = float((x.error + q0_error + np.abs(S) @ doubt).max()) / span
@@ -322,26 +327,28 @@ def program_of(
 def _wish(
     cycle: Cycle, limits: Array, given: tuple[Array, Array, float, Array, Array], to_ddq: Array
 ) -> Wish:
-    """Return the optimum within the bounds of q̈ = `limits`·x, or braking where there is none.
+    """Return the optimum within the limits of q̈ = `limits`·x, or braking where there is none.
 
     Args:
-        cycle: of the bounds.
+        cycle: of the bounds and rows.
         limits: (n, n).
         given: S, q₀, ω, M and h − o of the problem in x.
         to_ddq: that gives q̈ of x, (n, n).
     """
-    size = np.linalg.norm(limits, axis=1)
-    rows = np.vstack([limits, -limits]) / np.tile(size, 2)[:, None]
-    sides = np.concatenate([cycle.lower, -cycle.upper]) / np.tile(size, 2)
+    one = np.eye(len(cycle.dq))
+    all_rows = Rows.stacked([Rows.of(one, cycle.lower, cycle.upper), *cycle.kept])
+    of_x = all_rows.A @ limits
+    size = np.linalg.norm(of_x, axis=1)
+    rows = np.vstack([of_x, -of_x]) / np.tile(size, 2)[:, None]
+    sides = np.concatenate([all_rows.lower, -all_rows.upper]) / np.tile(size, 2)
     bounded = np.isfinite(sides)
     found = optimum(*given, rows[bounded], sides[bounded])
-    one = np.eye(len(cycle.dq))
     if found is None:
         ddq = -BRAKE_PER_S * cycle.dq
         return Wish(one, ddq, ddq)
     x, condition = found
     ddq = to_ddq @ x
-    return Wish(one, ddq, ddq, ROUNDING * condition)
+    return Wish(one, ddq, ddq, ROUNDING * condition, np.sqrt(condition))
 
 
 def _inverse(M: Array) -> Array:

@@ -25,7 +25,7 @@ from hoap3.remote_controller.problems.acceleration import (
     Wish,
 )
 from hoap3.remote_controller.problems.acceleration_claims import RELATIVE, Cycle
-from hoap3.remote_controller.problems.check import remaining
+from hoap3.remote_controller.problems.check import remaining, start_of
 from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle as bounds
 from hoap3.remote_controller.problems.oracles.tasks.acceleration_oracle import ROUNDING
 from hoap3.remote_controller.problems.schedule import Priorities
@@ -54,10 +54,12 @@ class Steps(NamedTuple):
     """Optima of the levels.
 
     Attributes:
+        start: where the first begins, (n,).
         steps: Z z, (n,) each.
         sum_error: rounding error of their sum, (n,).
     """
 
+    start: Array
     steps: tuple[Array, ...]
     sum_error: Array
 
@@ -67,6 +69,7 @@ class HqpProblems(AccelerationProblems):
 
     defaults: ClassVar[Settings] = DEFAULTS
     proves: ClassVar[bool] = False
+    in_rows: ClassVar[bool] = False
 
     def schedule(self, settings: Settings) -> Priorities:
         """Return the priorities."""
@@ -79,26 +82,26 @@ class HqpProblems(AccelerationProblems):
     def optimum(self, cycle: Cycle) -> Optimum:
         """State the cascade within bounds and torques."""
         levels, b_errors = self._levels(cycle)
-        rows, w = self._rows(cycle, self.torque_max), float(self.settings["w_r"])
-        found = steps_of(levels, b_errors, w, rows)
+        limits, w = self._rows(cycle, self.torque_max), float(self.settings["w_r"])
+        found = steps_of(levels, b_errors, w, *limits)
         none = np.zeros(len(cycle.dq))
         if found is None:  # no step keeps the rows; nor does the answer
-            found = Steps((cycle.ddq, *[none] * (len(levels) - 1)), none)
+            found = Steps(none, (cycle.ddq, *[none] * (len(levels) - 1)), none)
         span = max(TINY, float(np.abs(cycle.ddq).max()))
         error = OPTIMAL * span + found.sum_error
-        problem = Cascade(levels, w, rows, SLACK, RANK, found.steps, error)
+        problem = Cascade(levels, w, *limits, SLACK, RANK, found.steps, error)
         return Optimum(problem, cycle.ddq, cycle.ddq_error, 0.0)
 
     def wish(self, cycle: Cycle) -> Wish:
         """Return the cascade's answer with strong motors, or braking where it has none."""
         levels, b_errors = self._levels(cycle)
-        rows = self._rows(cycle, np.full(len(cycle.dq), np.inf))
-        found = steps_of(levels, b_errors, float(self.settings["w_r"]), rows)
+        limits = self._rows(cycle, np.full(len(cycle.dq), np.inf))
+        found = steps_of(levels, b_errors, float(self.settings["w_r"]), *limits)
         one = np.eye(len(cycle.dq))
         if found is None:
             ddq = -BRAKE_PER_S * cycle.dq
             return Wish(one, ddq, ddq)
-        ddq = np.sum(found.steps, 0)
+        ddq = found.start + np.sum(found.steps, 0)
         return Wish(one, ddq, ddq, float(found.sum_error.max()) / max(TINY, np.abs(ddq).max()))
 
     def _levels(self, cycle: Cycle) -> tuple[tuple[Level, ...], list[Array]]:
@@ -112,17 +115,21 @@ class HqpProblems(AccelerationProblems):
         levels.append(Level(np.eye(len(brake)), brake))
         return tuple(levels), [*errors, ROUNDING * np.abs(brake)]
 
-    def _rows(self, cycle: Cycle, torque_max: Array) -> Rows:
-        """Return the limits of q̈, and of τ as rows of q̈."""
+    def _rows(self, cycle: Cycle, torque_max: Array) -> tuple[Rows, Rows]:
+        """Return the limits of q̈, of τ and of constraints as rows of q̈, and equations."""
         A = np.vstack([np.eye(len(cycle.dq)), cycle.M])
         lower = np.concatenate([cycle.lower, -torque_max - cycle.h])
         upper = np.concatenate([cycle.upper, torque_max - cycle.h])
         size = np.concatenate([np.abs(cycle.ddq), np.abs(cycle.M) @ np.abs(cycle.ddq)])
-        return Rows.of(A, lower, upper, error=RELATIVE * (1.0 + size))
+        own = Rows.of(A, lower, upper, error=RELATIVE * (1.0 + size))
+        parts: tuple[list[Rows], list[Rows]] = [own], [Rows.of(A[:0], 0.0, 0.0)]
+        for rows in cycle.kept:
+            parts[bool((rows.lower == rows.upper).all())].append(rows)
+        return Rows.stacked(parts[0]), Rows.stacked(parts[1])
 
 
 def steps_of(
-    levels: Sequence[Level], b_errors: Sequence[Array], w: float, rows: Rows
+    levels: Sequence[Level], b_errors: Sequence[Array], w: float, rows: Rows, equations: Rows
 ) -> Steps | None:
     """Return the steps of a cascade; None where a level has none within the rows.
 
@@ -130,11 +137,13 @@ def steps_of(
         levels: as of a `Cascade`.
         b_errors: of the b of each level, (m,).
         w: damping.
-        rows: that x keeps.
+        rows, equations: that x keeps.
     """
     n = rows.A.shape[1]
-    x, error, Z, turned, slack = np.zeros(n), np.zeros(n), np.eye(n), 0.0, 0.0
-    steps: list[Array] = []
+    x, Z, error = start_of(equations)
+    turned, slack = 0.0, 0.0
+    computed = np.where(rows.A_error > 0.0, rows.error, 0.0)  # limits of constraints
+    start, steps = x, list[Array]()
     for (J, b), b_error in zip(levels, b_errors, strict=True):
         if not Z.shape[1]:
             steps.append(np.zeros(n))
@@ -145,7 +154,7 @@ def steps_of(
         if z is None:
             return None
         held, s_error = _held(V, z, *sides)
-        s_error = s_error + ROUNDING * (1.0 + np.abs(at)) + np.abs(rows.A) @ error
+        s_error = s_error + computed + ROUNDING * (1.0 + np.abs(at)) + np.abs(rows.A) @ error
         gain, shift = _sensitivity(A, w, V[held])
         size = float(np.linalg.norm(J, 2))
         left, length = float(np.linalg.norm(missing - A @ z)), float(np.linalg.norm(z))
@@ -155,7 +164,7 @@ def steps_of(
         steps.append(Z @ z)
         x, (Z, least), slack = x + steps[-1], remaining(Z, J, RANK), SLACK
         turned += ROUNDING / least
-    return Steps(tuple(steps), error)
+    return Steps(start, tuple(steps), error)
 
 
 def _optimum(A: Array, e: Array, w: float, V: Array, lower: Array, upper: Array) -> Array | None:

@@ -157,14 +157,15 @@ class Level(NamedTuple):
 class Cascade:
     """Levels, one after the other: each changes x only where those above leave it free.
 
-    From the x of the level above, first 0, a level goes to x + Z z with min |J (x + Z z) − b|² +
-    w |z|², where Z is an orthonormal basis of the null space of all J above. The answer is the
-    last x.
+    From the x of the level above, first the shortest that keeps the equations, a level goes to
+    x + Z z with min |J (x + Z z) − b|² + w |z|², where Z is an orthonormal basis of the null space
+    of the equations and all J above. The answer is the last x.
 
     Attributes:
         levels: highest first.
         damping: w.
         rows: that x keeps.
+        equations: that it keeps above all levels, of length 1.
         slack: by which x may exceed them below the first level.
         rank: singular values of J Z up to this share of the largest one of J count as 0.
         steps: (n,), Z z of each level. They are a proposal, which `check` tests.
@@ -174,6 +175,7 @@ class Cascade:
     levels: tuple[Level, ...]
     damping: float
     rows: Rows
+    equations: Rows
     slack: float
     rank: float
     steps: tuple[Array, ...]

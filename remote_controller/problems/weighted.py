@@ -118,9 +118,10 @@ class WeightedProblems(WeighedProblems):
     def wish(self, cycle: Cycle) -> Wish:
         """Return the optimum within the bounds with strong motors, or braking without one."""
         R, r, _ = self.cost(cycle)
-        one, H = np.eye(len(cycle.dq)), R.T @ R
-        ddq = solve_qp(H, R.T @ r, one, cycle.lower, cycle.upper)
+        one, H, limits = np.eye(len(cycle.dq)), R.T @ R, self._limits(cycle, 0.0)
+        ddq = solve_qp(H, R.T @ r, limits.A, limits.lower, limits.upper)
         if ddq is None:
             braking = -BRAKE_PER_S * cycle.dq
             return Wish(one, braking, braking)
-        return Wish(one, ddq, ddq, ROUNDING * float(np.linalg.cond(H)))
+        condition = float(np.linalg.cond(H))
+        return Wish(one, ddq, ddq, ROUNDING * condition, np.sqrt(condition))

@@ -136,6 +136,25 @@ class Robot:
         turning = drift[3:] - bent[3:] - np.cross(carried[3:], spin)
         return np.concatenate([point, axes @ turning])
 
+    def move_apart(self, frame: str, reference: str, dq: Array) -> None:
+        """Take velocities, (n,), of those joints alone that move one of two frames."""
+        chain = [
+            set(self.model.supports[self.model.frames[self._built.frame_id(name)].parentJoint])
+            for name in (frame, reference)
+        ]
+        v, self._v = self.G @ dq, np.zeros_like(self._v)
+        for joint in chain[0] ^ chain[1]:
+            self._v[self.model.joints[joint].idx_v] = v[self.model.joints[joint].idx_v]
+        pin.forwardKinematics(self.model, self.data, self.q, self._v, np.zeros_like(v))
+
+    def point_drift(self, frame: str, point: Array) -> Array:
+        """Acceleration (3,) of a point (3,) of the root's axes that is fixed to a frame."""
+        place, twist, drift = self._motion(frame)
+        arm, omega = point - place, twist[3:]
+        return np.asarray(
+            drift[:3] + np.cross(drift[3:], arm) + np.cross(omega, np.cross(omega, arm)), float
+        )
+
     def frame_motion(self, frame: str, *, own_axes: bool) -> tuple[Array, Array, Array]:
         """J (6, n), ν = J·dq and J̇·dq of a frame against the root, after `move`.
 

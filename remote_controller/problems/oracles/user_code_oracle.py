@@ -18,7 +18,14 @@ from hoap3.protocol.errors import UsageError
 from hoap3.remote_controller.constraints import limit_reference
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.constraints.barrier import Barrier
-from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems import statement
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
+    Constraint,
+    Level,
+    Rows,
+    fitted_rate,
+    sides,
+)
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
 from hoap3.remote_controller.problems.oracles.tasks import task_oracle
@@ -33,6 +40,9 @@ Array = NDArray[np.float64]
 STEP = 1e-6  # rad, m or s: rounding and curvature both stay far below the tolerance
 TOLERANCE = 1e-4  # of the largest derivative
 ROUNDING = 1e-14  # of a value, or of 1: what a difference of two such values rounds
+ASIDE = 1e-5  # rad or m: how far the fastest joint is moved for −m̈
+AT_REST = 1e-9  # rad/s or m/s: no joint moves
+BENT = 1e-9  # of |∇m|·|q̇|²: how exactly −m̈ is known by differences
 
 
 class PlainKinematics:
@@ -173,12 +183,20 @@ class UserTask(task_oracle.ErrorTask):
         return e, J, rate
 
 
+OWN_ROWS: Mapping[Level, tuple[str, ...]] = {
+    "velocity": ("update",),
+    "acceleration": ("update_accelerations", "bound_accelerations"),
+}
+"""Methods by which a user's constraint has other rows than those of its margins."""
+
+
 class UserBarrier(Constraint):
     """Margins m(q) ≥ 0 of a user's `Barrier`, kept by (25): −∇m·u ≤ η·m.
 
     Args:
         name, given: of the entry in a config, and its parameters.
         robot: that it is for.
+        level: of its rows.
 
     Raises:
         UnverifiableError: the class cannot be imported or built, or writes rows of its own.
@@ -187,7 +205,7 @@ class UserBarrier(Constraint):
     has_rows: ClassVar[bool] = True
     yields: ClassVar[bool] = True
 
-    def __init__(self, name: str, given: object, robot: Robot) -> None:
+    def __init__(self, name: str, given: object, robot: Robot, level: Level = "velocity") -> None:
         super().__init__({}, robot.description, robot)
         self.name, self._kinematics = name, plain_kinematics(robot)
         self._at: Array | None = None
@@ -197,7 +215,10 @@ class UserBarrier(Constraint):
             )
             (read,) = constraints.read([entry])
             build: Any = read.constraint
-            if not issubclass(build, Barrier) or build.update is not Barrier.update:
+            own = OWN_ROWS[level]
+            if not issubclass(build, Barrier) or any(
+                getattr(build, name) is not getattr(Barrier, name) for name in own
+            ):
                 raise UnverifiableError("it writes rows of its own, which are not recomputed")
             parameters: Any = read.parameters
             keys = "config", f"{read.key}.constraint", f"{read.key}.parameters"
@@ -205,6 +226,10 @@ class UserBarrier(Constraint):
             with building(build, name, robot_of, parameters, *keys):
                 made = build(parameters, robot_of, self._kinematics, robot_of.period_s)
         self._barrier: Barrier = made
+        self.is_conditional = made.guarantee == "conditional"
+        for limit in ("speed_max", "acceleration_max", "torque_max"):
+            if getattr(made, limit) is not None:
+                setattr(self, limit, np.array(getattr(made, limit)))
         self._numbers = (
             parameters.eta_per_s,
             parameters.reserve_m,
@@ -237,8 +262,37 @@ class UserBarrier(Constraint):
         A, b = limit_reference.rows(m, A, *self._numbers)
         return Rows(A, b, np.ones(len(b), bool))
 
+    def fit(self, speed: Array, brake: Array) -> None:
+        """Lower η to what joints can brake with."""
+        with _of_users(self.name):
+            self._barrier.prepare_accelerations(speed, brake)
+        self._eta = fitted_rate(self._numbers[0], self.description.period_s, speed, brake)
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows:
+        """(25) once more; −m̈ by differences of ∇m, whatever `bend` returns."""
+        self._at = q = self.robot.positions.copy()
+        self.margins, A = self._look()
+        m = self.margins
+        fastest, bend, doubt = float(np.abs(dq).max()), np.zeros(len(m)), 0.0
+        if fastest > AT_REST:
+            aside = ASIDE / fastest * dq
+            found = []
+            for place in (q + aside, q - aside):
+                self.robot.place(place)
+                found.append(self._look()[1] @ dq)
+            self.robot.place(q)
+            bend = (found[0] - found[1]) * fastest / (2.0 * ASIDE)
+            doubt = BENT * (1.0 + float(np.abs(A).max(initial=0.0))) * float(np.abs(dq).sum()) ** 2
+        given = self._eta, *self._numbers[1:]
+        A, upper = limit_reference.accelerations(m, A, dq, bend, *given)
+        return sides(A, -np.inf, upper, dq, self._eta, doubt)
+
+    def margins_here(self) -> Array:
+        """Return m."""
+        return self._look()[0]
+
     def derivative_claims(self) -> list[Claim]:
-        """Claims that −∇m is that of m, where `rows` was called last."""
+        """Claims that −∇m is that of m, where rows were computed last."""
         if self._at is None:
             return []
 

@@ -182,14 +182,21 @@ def test_the_largest_rate_is_that_of_a_linear_program(seed):
 
 
 def random_cascade(random):
-    """Three levels in conflict, within rows, and its answer by daqp, level by level."""
-    n, w = 7, 0.01
+    """Three levels in conflict, within rows, and its answer by daqp, level by level.
+
+    Above them stand no equations, one, or two that say the same.
+    """
+    n, w, unit = 7, 0.01, random.normal(size=7)
+    unit, count, side = unit / np.linalg.norm(unit), random.integers(3), random.normal()
+    equations = Rows.of(np.tile(unit, (count, 1)), *np.full((2, count), 0.1 * side))
     levels = tuple(
         Level(random.normal(size=(m, n)), 5.0 * random.normal(size=m)) for m in (2, 3, 7)
     )
     A = np.vstack([np.eye(n), random.normal(size=(3, n))])
     rows = Rows.of(A, -1.0 - random.random(len(A)), 1.0 + random.random(len(A)), error=EXACT)
     x, Z, steps, slack = np.zeros(n), np.eye(n), [], 0.0
+    if count:
+        x, Z = 0.1 * side * unit, np.linalg.svd(unit[None])[2][1:].T
     for J, b in levels:
         H = Z.T @ J.T @ J @ Z + w * np.eye(Z.shape[1])
         upper, lower = rows.upper + slack - A @ x, rows.lower - slack - A @ x
@@ -200,7 +207,8 @@ def random_cascade(random):
         steps.append(Z @ np.asarray(z))
         x, slack = x + steps[-1], 1e-8
         Z = Z @ np.linalg.svd(J @ Z)[2][len(J) :].T
-    return Cascade(levels, w, rows, 1e-8, 1e-9, tuple(steps), np.full(n, 1e-8)), x
+    given = rows, equations, 1e-8, 1e-9, tuple(steps), np.full(n, 1e-8)
+    return Cascade(levels, w, *given), x
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -223,6 +231,9 @@ def test_steps_that_are_no_optima_of_their_levels_prove_nothing(seed):
     assert not holds(replace(problem, steps=(first + by, second - by, third)), x)
     assert not holds(replace(problem, steps=(first, second + by, third - by)), x)
     assert not holds(replace(problem, steps=(first, second, third + by)), x + by)
+    if len(problem.equations.a):
+        other = replace(problem.equations, lower=problem.equations.lower + 1e-6)
+        assert not holds(replace(problem, equations=other), x)
 
 
 def test_rows_that_exclude_each_other_have_no_answer():

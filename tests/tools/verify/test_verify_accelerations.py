@@ -191,15 +191,24 @@ def test_tasks_of_all_kinds_raise_no_false_alarm(robot, config, seconds, tmp_pat
         assert found.claims.counts["wrench"].checked == 2000
 
 
-def test_constraints_of_accelerations_are_counted_by_name(tmp_path):
-    constraint = f"{OWN}constraints=[{{constraint: joint_torque}}]"
+@pytest.mark.parametrize(
+    ("constraint", "verdict"),
+    [
+        ("constraint: joint_torque", "true"),
+        ("constraint: pfaffian, parameters: {function: 'numpy:atleast_2d'}", "not verified"),
+    ],
+)
+def test_constraints_that_cannot_be_recomputed_are_named(constraint, verdict, tmp_path):
+    settings = f"{OWN}constraints=[{{{constraint}}}]"
 
-    run = ran(tmp_path / "run", LWR, "ghc", constraint, seconds=0.05)
+    run = ran(tmp_path / "run", LWR, "ghc", settings, seconds=0.05)
 
-    found = assert_no_false_alarm(run, "not verified")
-    assert found.claims.counts["V"].checked == 50
-    (reason,) = found.claims.counts["bounds and optimum"].unverified
-    assert "joint_torque" in reason
+    counts = assert_no_false_alarm(run, verdict).claims.counts
+    assert counts["torques"].checked == 50
+    assert ("optimum" in counts) == (verdict == "true")
+    if verdict == "not verified":
+        (reason,) = counts["constraint pfaffian"].unverified
+        assert "function" in reason
 
 
 CHANGES: dict[str, Callable[[int], Change]] = {

@@ -1,4 +1,4 @@
-"""Margins m ≥ 0 of a posture, kept by (25): −∇m·u ≤ η·m."""
+"""Margins m ≥ 0 of a posture, kept by (25): −∇m·u ≤ η·m, or −∇m·q̈ ≤ 2ηṁ + η²m + m̈ at q̈ = 0."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hoap3.remote_controller.constraints import limit_reference
-from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems import statement
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
+    Constraint,
+    Rows,
+    fitted_rate,
+    sides,
+)
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, numbers
 
 Array = NDArray[np.float64]
@@ -25,6 +31,7 @@ class Barrier(Constraint):
 
     yields: ClassVar[bool] = True
     has_rows: ClassVar[bool] = True
+    is_conditional = True
 
     @abstractmethod
     def look(self) -> tuple[Array, Array]:
@@ -37,6 +44,26 @@ class Barrier(Constraint):
         given = (self.settings[key] for key in BARRIER)
         A, b = limit_reference.rows(m, A, *given)
         return Rows(A, b, np.ones(len(b), bool))
+
+    def fit(self, speed: Array, brake: Array) -> None:
+        """Lower η to what joints can brake with."""
+        given = self.settings["eta_per_s"], self.description.period_s
+        self._eta = fitted_rate(*given, speed, brake)
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows:
+        """(25) once more, for ṁ + ηm in place of m."""
+        self.margins, A = self.look()
+        given = self._eta, self.settings["reserve_m"], self.settings["return_speed_m_s"]
+        A, upper = limit_reference.accelerations(self.margins, A, dq, self.bend(dq), *given)
+        return sides(A, -np.inf, upper, dq, self._eta)
+
+    @abstractmethod
+    def bend(self, dq: Array) -> Array:
+        """−m̈ where q̈ = 0, (s,) [m/s²], where `look` was called last."""
+
+    def margins_here(self) -> Array:
+        """Return m."""
+        return self.look()[0]
 
 
 class SupportPolygon(Barrier):
@@ -56,6 +83,11 @@ class SupportPolygon(Barrier):
         """n·c − o and −n·J for each edge."""
         c, J = self.robot.com(self._area.frame)
         return self._area.inside(c), -self._area.normals @ J[:2]
+
+    def bend(self, dq: Array) -> Array:
+        """−n·J̇q̇ for each edge."""
+        del dq
+        return np.asarray(-self._area.normals @ self.robot.com_drift(self._area.frame)[:2])
 
 
 class HalfSpace(Barrier):
@@ -85,6 +117,14 @@ class HalfSpace(Barrier):
         m = float(n @ (origin + arm)) - self.settings["offset_m"]
         row = n @ J[:3] + np.cross(arm, n) @ J[3:]
         return np.array([m]), -row[None]
+
+    def bend(self, dq: Array) -> Array:
+        """−n·(a + α × r + ω × (ω × r)), a and α of the frame where q̈ = 0."""
+        _, axes, J = self.robot.frame(self._frame, self._reference)
+        drift, omega = self.robot.frame_drift(self._frame, self._reference), J[3:] @ dq
+        arm = axes @ self._point
+        found = drift[:3] + np.cross(drift[3:], arm) + np.cross(omega, np.cross(omega, arm))
+        return np.array([-self._normal @ found])
 
 
 class Area:

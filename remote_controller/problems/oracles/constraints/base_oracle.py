@@ -1,15 +1,19 @@
-"""What every constraint says of a cycle: bounds on the joints, rows, and how far inside it is."""
+"""What every constraint says of a cycle: bounds on the joints, rows, and how far inside it is.
+
+At each level it has its own: for velocities u of all cycles, for accelerations q̈ of one State.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.robot.description import RobotDescription
+from hoap3.remote_controller.problems import statement
 from hoap3.remote_controller.problems.oracles.constraints.cycles_oracle import Cycles
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 from hoap3.remote_controller.problems.oracles.robot_oracle import Robot
@@ -17,6 +21,10 @@ from hoap3.remote_controller.problems.statement import Claim
 
 Array = NDArray[np.float64]
 States = Any  # of all cycles: an array of `State` rows, or what indexes like one
+
+Level = Literal["velocity", "acceleration"]
+ROUNDING = 64.0 * float(np.finfo(float).eps)  # m or rad: how exactly a place is known
+GREATEST_SHARE = 0.6  # of ηT in rows of accelerations
 
 
 @dataclass(frozen=True)
@@ -63,8 +71,9 @@ class Constraint:
         robot: its kinematics.
 
     Attributes:
-        margins: of the cycles, (N,); inf where it has none.
+        margins: of the cycles, (N,), inf where it has none; for accelerations all of one State.
         amplifies: what a margin makes of an error in a place, in its unit per m or rad.
+        speed_max, acceleration_max, torque_max: (n,) what it leaves of the joints' limits.
     """
 
     defaults: ClassVar[Mapping[str, Any]] = {}
@@ -74,12 +83,18 @@ class Constraint:
     has_memory: ClassVar[bool] = False
     """Whether its rows depend on cycles before."""
     limits_speed: ClassVar[bool] = False
+    limits_accelerations: ClassVar[bool] = False
+    is_conditional = False
+    """Whether the robot must be able to stop before its margins are negative."""
 
     settings: Mapping[str, Any]
     description: RobotDescription
     robot: Robot
     margins: Array = field(default_factory=lambda: np.zeros(0))
     amplifies: float = 1.0
+    speed_max: Array | float = np.inf
+    acceleration_max: Array | float = np.inf
+    torque_max: Array | float = np.inf
 
     def __post_init__(self) -> None:
         self.prepare()
@@ -116,8 +131,38 @@ class Constraint:
         """
         raise NotImplementedError
 
+    @property
+    def margin(self) -> float:
+        """The least one, for accelerations."""
+        return float(self.margins.min(initial=np.inf))
+
+    def fit(self, speed: Array, brake: Array) -> None:
+        """Prepare for accelerations.
+
+        Args:
+            speed: (n,) greatest speeds that constraints and robot leave [rad/s or m/s].
+            brake: (n,) what joints can brake with [rad/s² or m/s²].
+        """
+
+    def follow(self, state: Any) -> None:
+        """Remember a State, at which `robot` is placed and moved; for `has_memory`."""
+
+    def interval(self, q: Array, dq: Array) -> tuple[Array, Array] | None:
+        """Bounds of q̈, (n,) each, of the measured State; None where it has none."""
+        del q, dq
+        return None
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows | None:
+        """Rows of q̈ where `robot` is placed and moved, (s, n); `margins` are written."""
+        del dq
+        return None
+
+    def margins_here(self) -> Array:
+        """Margins where `robot` is placed, as `margins`, of a conditional one."""
+        return self.margins
+
     def derivative_claims(self) -> list[Claim]:
-        """Claims that the derivatives are those of the margins, where `rows` was called last."""
+        """Claims that the derivatives are those of the margins, where rows were computed last."""
         return []
 
     def accepts(self, gradient: Array) -> bool:
@@ -139,3 +184,26 @@ class Constraint:
         if not isinstance(names, list | tuple) or any(name not in known for name in names):
             raise UnverifiableError(f"a constraint names joints {names!r:.60}")
         return [known.index(name) for name in names]
+
+
+def fitted_rate(eta: float, period_s: float, speed: Array, brake: Array) -> float:
+    """Return η of rows of accelerations, with which no joint brakes harder than it can."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = np.where(speed == np.inf, 0.0, np.where(speed > 0.0, brake / speed, np.inf))
+    return min(eta, GREATEST_SHARE / period_s, float(most.min()))
+
+
+def sides(
+    A: Array,
+    lower: Array | float,
+    upper: Array,
+    dq: Array,
+    eta: float = 0.0,
+    error: Array | float = 0.0,
+    optional: NDArray[np.bool_] | bool = False,
+) -> statement.Rows:
+    """Return rows of q̈ with the rounding of 2ηṁ + η²m − Ȧq̇, added to `error`."""
+    size = 1.0 + np.abs(A).sum(1)
+    rounding = ROUNDING * size * (1.0 + eta + float(np.abs(dq).sum())) ** 2
+    found = {"error": rounding + error, "A_error": ROUNDING * size, "optional": optional}
+    return statement.Rows.of(A, lower, upper, **found)

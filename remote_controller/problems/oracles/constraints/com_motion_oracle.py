@@ -9,8 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.problems import statement
 from hoap3.remote_controller.problems.oracles.constraints.barrier_oracle import Area
-from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
+    Constraint,
+    Rows,
+    sides,
+)
 from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import SOURCES
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError
 
@@ -62,6 +67,27 @@ class ComMotion(Constraint):
         self.margins[number] = self.inside(where, change / T).min()
         D, b = self.limit(c)
         return Rows(D @ J, T * b + D @ speed, np.ones(len(b), bool))
+
+    def follow(self, state: Any) -> None:
+        """Find the margin of the last period, with ċ = J·q̇."""
+        c, J = self.robot.com(self.frame)
+        q, tick, speed = np.array(state["q"]), int(state["tick"]), J @ state["dq"]
+        change, where = np.zeros(3), c
+        if self._before is not None:
+            last, _, c_last, _, speed_last = self._before
+            if last == tick:
+                return
+            if last + 1 == tick:
+                change, where = speed - speed_last, c_last
+        self._before = tick, q, c, J, speed
+        self.margins = self.inside(where, change / self.description.period_s)
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows:
+        """Rows of c̈ = J·q̈ + J̇·q̇."""
+        c, J = self.robot.com(self.frame)
+        D, b = self.limit(c)
+        size = 1.0 + float(np.abs(b).max(initial=0.0))
+        return sides(D @ J, -np.inf, b - D @ self.robot.com_drift(self.frame), dq, size)
 
     @abstractmethod
     def limit(self, c: Array) -> tuple[Array, Array]:

@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints import limit_reference
-from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems import statement
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
+    ROUNDING,
+    Constraint,
+    Rows,
+    fitted_rate,
+    sides,
+)
 from hoap3.remote_controller.problems.oracles.constraints.bodies_oracle import (
     Pair,
     far_apart,
@@ -34,6 +41,9 @@ Places = NDArray[np.int64]
 
 AUTO = (None, "auto")
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance
+NEAREST = 1e-9  # m: beyond the nearest point, where a row has the curvature of the pair's margin
+ASIDE = 1e-5  # rad or m: how far the fastest joint is moved for it
+AT_REST = 1e-9  # rad/s or m/s: no joint moves
 
 
 class Distance(Constraint):
@@ -41,6 +51,7 @@ class Distance(Constraint):
 
     yields: ClassVar[bool] = True
     has_rows: ClassVar[bool] = True
+    is_conditional = True
     defaults: ClassVar[Mapping[str, Any]] = {
         "pairs": None,
         "joints_apart": 4.0,
@@ -81,22 +92,91 @@ class Distance(Constraint):
 
     def rows(self, state: Any, number: int) -> Rows:
         """Rows of the points that are near, and the least margin."""
-        margins, scene, found = self._measure()
+        margins, points = self._points()
         self.margins[number] = margins.min(initial=np.inf)
         given, n = self.settings, self.description.n
-        near = margins < given["activation_m"]
-        if not near.any():
+        if points is None:
             return Rows(np.zeros((0, n)), np.zeros(0), np.zeros(0, bool))
-        contact = margins < given["contact_m"]
-        reach = np.maximum(margins + self._around, 0.0)
-        reach += np.where(contact, given["spread_m"], ALONE)
-        points = scene.points(found, np.where(near, reach, -np.inf), given["spread_m"], contact)
         A, m = self._approach(points), points.distance - self._around[points.pair]
         eta, back = given["eta_per_s"], given["return_speed_m_s"]
         b = eta * limit_reference.room(m, given["reserve_m"], back / eta)
         still = np.abs(A).max(1) < IMMOVABLE
         asked = points.asked & (len(m) <= given["rows"])
         return Rows(np.where(still[:, None], 0.0, A), np.where(still, np.inf, b), asked)
+
+    def fit(self, speed: Array, brake: Array) -> None:
+        """Lower η to what joints can brake with."""
+        given = self.settings["eta_per_s"], self.description.period_s
+        self._eta = fitted_rate(*given, speed, brake)
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows | None:
+        """−∇m·q̈ ≤ 2ηṁ + η²m + m̈ at q̈ = 0, of the points that are near.
+
+        m̈ of the nearest point of a pair is the greater one of 2(m(±ε) − m ∓ εṁ)/ε², which knows
+        that another point may be nearest there; of other points that of the points which face each
+        other, fixed to their bodies, the lesser one where they are taken along the normal.
+        """
+        margins, points = self._points()
+        self.margins = margins
+        if points is None:
+            return None
+        given, eta = self.settings, self._eta
+        A, m = self._approach(points), points.distance - self._around[points.pair]
+        speed, bend, doubt = -A @ dq, np.zeros(len(m)), np.zeros(len(m))
+        fastest = float(np.abs(dq).max())
+        first = m <= margins[points.pair] + NEAREST
+        if fastest > AT_REST:
+            bend[~first] = self._material(points, np.flatnonzero(~first), dq)
+            step, q = ASIDE / fastest, self.robot.positions
+            sides_of = []
+            for sense in (1.0, -1.0):
+                self.robot.place(q + sense * step * dq)
+                there = self.margins_here()[points.pair]
+                sides_of.append(there - margins[points.pair] - sense * step * speed)
+            self.robot.place(q)
+            bend[first] = 2.0 * np.maximum(*sides_of)[first] / step**2
+            doubt[first] = 0.25 * ROUNDING / step**2
+        room = limit_reference.room(m, given["reserve_m"], given["return_speed_m_s"] / eta)
+        still = np.abs(A).max(1) < IMMOVABLE
+        upper = np.where(still, np.inf, 2.0 * eta * speed + eta**2 * room + bend)
+        optional = ~(points.asked & (len(m) <= given["rows"]))
+        return sides(
+            np.where(still[:, None], 0.0, A), -np.inf, upper, dq, eta, doubt, optional=optional
+        )
+
+    def margins_here(self) -> Array:
+        """Margins of all pairs, those as far as may be near at the next State exactly."""
+        return self._measure(1.1 * self.settings["activation_m"], least=False)[0]
+
+    def _points(self) -> tuple[Array, Points | None]:
+        """Return the margins of all pairs, and the points that have rows; None without any."""
+        margins, scene, found = self._measure()
+        given = self.settings
+        near = margins < given["activation_m"]
+        if not near.any():
+            return margins, None
+        contact = margins < given["contact_m"]
+        reach = np.maximum(margins + self._around, 0.0)
+        reach += np.where(contact, given["spread_m"], ALONE)
+        reach = np.where(near, reach, -np.inf)
+        return margins, scene.points(found, reach, given["spread_m"], contact)
+
+    def _material(self, points: Points, which: Places, dq: Array) -> Array:
+        """n·(p̈₁ − p̈₂) of points that face each other, where q̈ = 0; less where they are taken.
+
+        Joints that move both bodies count as still: they change no distance.
+        """
+        found, drift = np.zeros(len(which)), self.robot.point_drift
+        for place, row in enumerate(which):
+            first, second = self._frame_of[self._which[points.pair[row]]]
+            frames = self._frames[first], self._frames[second]
+            n, at, apart = points.normal[row], points.place[row], points.distance[row]
+            self.robot.move_apart(frames[0], frames[1], dq)
+            ends = (at, at - apart * n), (at + apart * n, at)
+            found[place] = min(n @ (drift(frames[0], a) - drift(frames[1], b)) for a, b in ends)
+        if len(which):
+            self.robot.move(dq)
+        return found
 
     def _take(self, pairs: Sequence[Pair]) -> None:
         """Lay out the pairs and their bodies."""
@@ -114,11 +194,18 @@ class Distance(Constraint):
         self._half = np.array([body.half for body in bodies]).reshape(-1, 3)
         self._balls = np.linalg.norm(self._half, axis=1)[self._which].sum(1)
 
-    def _measure(self) -> tuple[Array, Scene, Segments]:
+    def _measure(
+        self, most: float | None = None, *, least: bool = True
+    ) -> tuple[Array, Scene, Segments]:
         """Margins of all pairs, (P,), where the robot is; far ones may be lower bounds.
 
         Also the bodies, and the segments of all pairs that may be near.
+
+        Args:
+            most: of the margins that are known exactly [m]; None: `activation_m`.
+            least: whether the least margin is known exactly, too.
         """
+        most = self.settings["activation_m"] if most is None else most
         placed = [self.robot.in_root(frame) for frame in self._frames]
         self._origins, turns, self._J = (np.array([one[i] for one in placed]) for i in range(3))
         at = self._frame_of
@@ -126,12 +213,12 @@ class Distance(Constraint):
         scene = Scene(middles, turns[at] @ self._axes, self._half, self._which, self._edged)
         apart = middles[self._which[:, 0]] - middles[self._which[:, 1]]
         margins = np.linalg.norm(apart, axis=1) - self._balls - self._around
-        near = np.flatnonzero(margins < self.settings["activation_m"])
-        margins[near] = np.maximum(margins[near], scene.at_least(near) - self._around[near])
-        known = margins < self.settings["activation_m"]
+        may = np.flatnonzero(margins < most)
+        margins[may] = np.maximum(margins[may], scene.at_least(may) - self._around[may])
+        known = margins < most
         found = self._exactly(margins, scene, known)
         nearer = ~known & (margins < margins[known].min(initial=np.inf))
-        if nearer.any():
+        if least and nearer.any():
             self._exactly(margins, scene, nearer)
         return margins, scene, found
 

@@ -6,11 +6,18 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints.frames.fixed_frame_reference import displacement, slope
+from hoap3.remote_controller.problems import statement
 from hoap3.remote_controller.problems.oracles.constraints.barrier_oracle import direction
-from hoap3.remote_controller.problems.oracles.constraints.base_oracle import Constraint, Rows
+from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
+    GREATEST_SHARE,
+    Constraint,
+    Rows,
+    sides,
+)
 from hoap3.remote_controller.problems.oracles.constraints.joints_oracle import SOURCES
 from hoap3.remote_controller.problems.oracles.parameters import UnverifiableError, numbers
 
@@ -54,6 +61,22 @@ class FixedFrame(Constraint):
         b = -self.settings["eta_per_s"] * displacement(p, R, *self._kept)[self._axes]
         return Rows(rates, b, np.ones(len(b), bool))
 
+    def acceleration_rows(self, dq: Array) -> statement.Rows:
+        """J·q̈ = −J̇q̇ − 2ηė − η²e, with ηT ≤ 0.6.
+
+        For D = R·R₀ᵀ, Ḋ = ω × D, the rate of the turn is S(D)·ω with S(D) = (tr D·I − D)/2, and
+        S is linear.
+        """
+        eta = min(self.settings["eta_per_s"], GREATEST_SHARE / self.description.period_s)
+        p, R, J = self.robot.frame(*self._frames)
+        kept, omega = self._kept[1], J[3:] @ dq
+        drift = slope(R, kept, self.robot.frame_drift(*self._frames)[:, None])[:, 0]
+        turning = np.concatenate([np.zeros(3), omega])[:, None]
+        drift += slope(pin.skew(omega) @ R, kept, turning)[:, 0]
+        G, e = slope(R, kept, J), displacement(p, R, *self._kept)
+        b = (-2.0 * eta * (G @ dq) - eta**2 * e - drift)[self._axes]
+        return sides(G[self._axes], b, b, dq, eta)
+
 
 class MinimumSpeed(Constraint):
     """a·u ≥ s of weighted joints, or of a frame's origin; left out unless a is orthogonal to ∇V."""
@@ -86,12 +109,27 @@ class MinimumSpeed(Constraint):
 
     def rows(self, state: Any, number: int) -> Rows:
         """−a·u ≤ −s, where a is not 0."""
+        side = -self.settings["speed"] if self._moves() else np.inf
+        return Rows(-self._a[None], np.array([side]), np.ones(1, bool))
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows:
+        """−a·q̈ ≤ η(a·q̇ − s) + ȧ·q̇, where a is not 0; a·q̇ − s is a margin."""
+        if not self._moves():
+            self.margins = np.zeros(0)
+            return sides(0.0 * self._a[None], -np.inf, np.full(1, np.inf), dq)
+        self.margins = self._a[None] @ dq - self.settings["speed"]
+        upper = self.settings["eta_per_s"] * self.margins
+        if self._frames:
+            upper += float(self._direction @ self.robot.frame_drift(*self._frames)[:3])
+        eta = self.settings["eta_per_s"]
+        return sides(-self._a[None], -np.inf, upper, dq, eta)
+
+    def _moves(self) -> bool:
+        """Find a; return whether it is not 0."""
         if self._frames:
             _, _, J = self.robot.frame(*self._frames)
             self._a = self._direction @ J[:3]
-        moves = bool(np.abs(self._a).max() >= NO_DIRECTION)
-        side = -self.settings["speed"] if moves else np.inf
-        return Rows(-self._a[None], np.array([side]), np.ones(1, bool))
+        return bool(np.abs(self._a).max() >= NO_DIRECTION)
 
     def accepts(self, gradient: Array) -> bool:
         """Whether |cos(a, ∇V)| is within the tolerance."""
@@ -122,3 +160,8 @@ class Pfaffian(Constraint):
     def rows(self, state: Any, number: int) -> Rows:
         """C·u = 0."""
         return Rows(self._C, np.zeros(len(self._C)), np.ones(len(self._C), bool))
+
+    def acceleration_rows(self, dq: Array) -> statement.Rows:
+        """C·q̈ = −η·C·q̇."""
+        b = -self.settings["eta_per_s"] * (self._C @ dq)
+        return sides(self._C, b, b, dq, self.settings["eta_per_s"])

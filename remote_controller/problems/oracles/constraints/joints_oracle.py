@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints import limit_reference
+from hoap3.remote_controller.problems.oracles import acceleration_bounds_oracle
 from hoap3.remote_controller.problems.oracles.constraints.base_oracle import (
     Bounds,
     Constraint,
@@ -22,22 +23,62 @@ SOURCES = ("reference", "measured")
 
 
 class JointVelocity(Constraint):
-    """|u_i| ≤ ω_i."""
+    """|u_i| ≤ ω_i; |q̇ + T·q̈| ≤ ω."""
 
     limits_speed: ClassVar[bool] = True
 
     defaults: ClassVar[Mapping[str, Any]] = {"limit_rad_s": None, "joints_rad_s": None}
 
+    def prepare(self) -> None:
+        """Read ω."""
+        own = self.settings["joints_rad_s"]
+        robot = self.description.velocity
+        self.speed_max = _least(self, robot, self.settings["limit_rad_s"], own)
+
     def bound(self, states: States, cycles: Cycles, bounds: Bounds) -> None:
         """Narrow to ±ω."""
         super().bound(states, cycles, bounds)
-        own = self.settings["joints_rad_s"]
-        most = _least(self, self.description.velocity, self.settings["limit_rad_s"], own)
-        shape = bounds.lower.shape
+        most, shape = self.speed_max, bounds.lower.shape
         bounds.narrow(np.broadcast_to(-most, shape), np.broadcast_to(most, shape))
 
+    def fit(self, speed: Array, brake: Array) -> None:
+        """Keep what a joint that is faster brakes with."""
+        self._brake = brake
 
-class JointPosition(Constraint):
+    def interval(self, q: Array, dq: Array) -> limit_reference.Interval:
+        """(±ω − q̇)/T."""
+        T = self.description.period_s
+        return limit_reference.speed_changes(dq, np.asarray(self.speed_max), self._brake, T)
+
+
+class Ranged(Constraint):
+    """A joint that is able to stop within a range, for accelerations."""
+
+    horizon: float
+    """Periods that an acceleration may be held."""
+    speed_max: Array | float
+
+    def prepare(self) -> None:
+        """Find the range."""
+        given = self.settings
+        named = given.get("joints")
+        names = self.description.joint_names if named is None else named
+        self.least, self.most = _usable(self, given["margin_rad"], names)
+
+    def fit(self, speed: Array, brake: Array) -> None:
+        """Lay out the bounds, for what joints brake with."""
+        fastest = np.broadcast_to(self.speed_max, brake.shape)
+        held = self.horizon * self.description.period_s
+        given = self.least, self.most, fastest, brake, brake, brake, held
+        self._bounds = acceleration_bounds_oracle.Bounds("viability", *given, 1.0, 0.0)
+
+    def interval(self, q: Array, dq: Array) -> limit_reference.Interval:
+        """Those of Del Prete (2018)."""
+        self.margins = np.minimum(q - self.least, self.most - q)
+        return self._bounds.at(q, dq)
+
+
+class JointPosition(Ranged):
     """−η(q − q_min) ≤ u ≤ η(q_max − q), (25)."""
 
     defaults: ClassVar[Mapping[str, Any]] = {
@@ -47,33 +88,52 @@ class JointPosition(Constraint):
         "joints": None,
         "positions_from": SOURCES,
     }
+    horizon = 2.0
 
     def bound(self, states: States, cycles: Cycles, bounds: Bounds) -> None:
         """Narrow to what (25) leaves; the margin is that of the joint nearest to an end."""
-        q, given = self.positions(states), self.settings
-        names = self.description.joint_names if given["joints"] is None else given["joints"]
-        least, most = _usable(self, given["margin_rad"], names)
+        q, given, least, most = self.positions(states), self.settings, self.least, self.most
         eta, back = given["eta_per_s"], given["return_speed_rad_s"]
         bounds.narrow(*limit_reference.range_bounds(q, least, most, eta, back))
         self.margins = np.minimum(q - least, most - q).min(1)
 
 
 class JointAcceleration(Constraint):
-    """|u − u_before| ≤ A·T."""
+    """|u − u_before| ≤ A·T; |q̈| ≤ A."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"limit_rad_s2": None, "joints_rad_s2": None}
+    limits_accelerations: ClassVar[bool] = True
+
+    def prepare(self) -> None:
+        """Read A."""
+        most, given = self.description.setpoint_acceleration_max, self.settings
+        self.acceleration_max = _least(self, most, given["limit_rad_s2"], given["joints_rad_s2"])
 
     def bound(self, states: States, cycles: Cycles, bounds: Bounds) -> None:
         """Narrow to what is near the last velocity of the reference."""
         super().bound(states, cycles, bounds)
-        robot, given = self.description, self.settings
-        own = given["joints_rad_s2"]
-        A = _least(self, robot.setpoint_acceleration_max, given["limit_rad_s2"], own)
-        before = reference_velocity(states, cycles, robot.period_s)
-        bounds.narrow(before - A * robot.period_s, before + A * robot.period_s)
+        T = self.description.period_s
+        before, change = reference_velocity(states, cycles, T), self.acceleration_max * T
+        bounds.narrow(before - change, before + change)
+
+    def interval(self, q: Array, dq: Array) -> limit_reference.Interval:
+        """±A."""
+        most = np.asarray(self.acceleration_max)
+        return -most, most
 
 
-class Viability(Constraint):
+class JointTorque(Constraint):
+    """|τ_i| ≤ τ_max,i, for accelerations alone."""
+
+    defaults: ClassVar[Mapping[str, Any]] = {"limit_nm": None, "joints_nm": None}
+
+    def prepare(self) -> None:
+        """Read the limits."""
+        own = self.settings["joints_nm"]
+        self.torque_max = _least(self, self.description.effort, self.settings["limit_nm"], own)
+
+
+class Viability(Ranged):
     """A joint that can always stop before the end of its range, in steps of A·T."""
 
     defaults: ClassVar[Mapping[str, Any]] = {
@@ -83,13 +143,19 @@ class Viability(Constraint):
         "horizon_periods": 2.0,
     }
 
+    def prepare(self) -> None:
+        """Read the limits."""
+        super().prepare()
+        robot, given = self.description, self.settings
+        self.horizon = given["horizon_periods"]
+        self.speed_max = np.minimum(robot.velocity, _number(given["limit_rad_s"]))
+        brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
+        self.acceleration_max = np.minimum(brake, _number(given["limit_rad_s2"]))
+
     def bound(self, states: States, cycles: Cycles, bounds: Bounds) -> None:
         """Narrow to the velocities from which braking ends inside the range."""
-        robot, given, q = self.description, self.settings, states["reference"]
-        least, most = _usable(self, given["margin_rad"], robot.joint_names)
-        speed = np.minimum(robot.velocity, _number(given["limit_rad_s"]))
-        brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
-        A, T = np.minimum(brake, _number(given["limit_rad_s2"])), robot.period_s
+        q, least, most, speed = states["reference"], self.least, self.most, self.speed_max
+        A, T = np.asarray(self.acceleration_max), self.description.period_s
         v = reference_velocity(states, cycles, T)
         lower, upper = np.clip(v - A * T, -speed, speed), np.clip(v + A * T, -speed, speed)
         up, down = _stopping_speed(most - q, A, T), -_stopping_speed(q - least, A, T)
