@@ -178,16 +178,6 @@ def test_weights_that_change_while_a_target_moves_have_no_false_claim():
     assert checked("ghc", unchanged, parameters).false > 100
 
 
-def test_constraints_are_counted_as_unverified():
-    constraints = [{"constraint": "joint_torque"}]
-    records, parameters = recorded_motion("ghc", "lwr", 30, constraints=constraints)
-
-    found = checked("ghc", records, parameters)
-
-    assert found.false == 0
-    assert found.counts["V"].checked == found.unverifiable == 30
-
-
 @pytest.mark.parametrize(
     "wrong",
     [
